@@ -1,0 +1,150 @@
+"""The host's side of a PMAC: one request in flight, replies matched by framing, errors with their number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from drivers.clock import Clock
+from drivers.errors import ControllerError, LinkError, LinkTimeoutError
+from drivers.link.base import Link
+from drivers.pmac.framing import FramingError, Reply, take_reply
+from profiles.problem import Problem
+
+ABORT_ALL = b"\x01"
+KILL_ALL = b"\x0b"
+FLUSH = b"\x18"
+
+REPLY_TIMEOUT_S = 2.0
+QUIET_S = 0.1
+LINE_LIMIT = 250
+"""Characters of one command line; the card's own limit is 255."""
+
+
+class PmacClient:
+    """Talks to one controller over one link.
+
+    Queries and commands are told apart by their caller: nothing here is ever sent twice.
+    """
+
+    def __init__(self, link: Link, clock: Clock) -> None:
+        self.link = link
+        self._clock = clock
+        self._buffer = b""
+
+    def connect(self) -> tuple[str, str]:
+        """Empty the line, set the handshake, and return version and type as the controller states them.
+
+        Raises:
+            LinkError: `link.not_a_pmac` or `link.silent`, what answers does not speak like one.
+        """
+        self.link.send(FLUSH)
+        self._drain()
+        # An earlier client may have left half a line behind: the empty line ends it, its error is not ours.
+        self.link.send(b"\r")
+        self._drain()
+        self.request("I3=2 I6=1")
+        version, kind = self.query("VERSION", "TYPE")
+        return version.strip(), kind.strip()
+
+    def request(self, line: str, timeout_s: float = REPLY_TIMEOUT_S) -> tuple[str, ...]:
+        """Send one line and return the data of its reply.
+
+        Raises:
+            ControllerError: the controller refused it.
+            LinkTimeoutError: no complete reply in time; what the line did is unknown.
+            LinkError: the link broke or is out of step.
+        """
+        data = line.encode("latin-1")
+        if len(data) > LINE_LIMIT or b"\r" in data:
+            raise ControllerError(
+                Problem(code="controller.line_too_long", where=self.link.address, value=line[:40])
+            )
+        self.link.send(data + b"\r")
+        reply = self._reply(line, timeout_s)
+        if reply.error_number is not None:
+            raise ControllerError(
+                Problem(
+                    code=f"controller.err{reply.error_number:03d}", where=self.link.address, value=line
+                ),
+                error_number=reply.error_number,
+            )
+        return reply.lines
+
+    def query(self, *items: str) -> tuple[str, ...]:
+        """Ask for several values in one line; return exactly one text for each.
+
+        Raises:
+            LinkError: `link.out_of_step`, the reply has another number of lines.
+        """
+        line = " ".join(items)
+        values = self.request(line)
+        if len(values) != len(items):
+            raise LinkError(
+                Problem(
+                    code="link.out_of_step",
+                    where=self.link.address,
+                    key=line,
+                    value=str(len(values)),
+                    limit=str(len(items)),
+                )
+            )
+        return values
+
+    def numbers(self, *items: str) -> tuple[float, ...]:
+        """Ask for numbers.
+
+        Raises:
+            LinkError: `link.out_of_step`, a value is no number.
+        """
+        values = self.query(*items)
+        try:
+            return tuple(float(value) for value in values)
+        except ValueError as error:
+            raise LinkError(
+                Problem(code="link.out_of_step", where=self.link.address, value=str(error))
+            ) from error
+
+    def download(self, lines: Iterable[str]) -> None:
+        """Send program lines one by one; the first refusal ends it, with the buffer closed again.
+
+        Raises:
+            ControllerError: with the line that was refused.
+        """
+        try:
+            for line in lines:
+                self.request(line)
+        except ControllerError:
+            self.request("CLOSE")
+            raise
+
+    def _reply(self, line: str, timeout_s: float) -> Reply:
+        deadline = self._clock.now_s() + timeout_s
+        while True:
+            try:
+                reply, used = take_reply(self._buffer)
+            except FramingError as error:
+                self._buffer = b""
+                self.link.send(FLUSH)
+                self._drain()
+                raise LinkError(
+                    Problem(code="link.out_of_step", where=self.link.address, key=line, value=str(error))
+                ) from error
+            if reply is not None:
+                self._buffer = self._buffer[used:]
+                return reply
+            left = deadline - self._clock.now_s()
+            if left <= 0.0:
+                self.link.send(FLUSH)
+                self._drain()
+                raise LinkTimeoutError(
+                    Problem(
+                        code="link.silent", where=self.link.address, key=line, value=f"{timeout_s:g} s"
+                    )
+                )
+            self._buffer += self.link.receive(left)
+
+    def _drain(self) -> None:
+        """Read until the line has been quiet, and forget what came."""
+        while self.link.receive(QUIET_S):
+            pass
+        self._buffer = b""

@@ -1,0 +1,64 @@
+"""Jogs of one motor: Ix19 to Ix22 made into cubic pieces. Times ms, positions counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.pmac.trajectory.linear import Limits, LinearMove, at_rest, effective_timing, lay, stop
+from drivers.pmac.trajectory.pieces import Piece, ramp
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JogSettings:
+    """Ix19 greatest acceleration (counts/ms^2, 0 no limit), Ix20 and Ix21 times (ms), Ix22 speed (counts/ms)."""
+
+    acceleration: float
+    ta_ms: float
+    ts_ms: float
+    speed: float
+
+
+def change_speed(position: float, before: float, after: float, settings: JogSettings) -> tuple[Piece, ...]:
+    """Go from velocity `before` to `after` (counts/ms); used to start and to stop an indefinite jog.
+
+    Raises:
+        NoAccelerationTimeError: Ix20 and Ix21 are both zero.
+    """
+    timing = effective_timing(
+        LinearMove(distance=(0.0,), ta_ms=settings.ta_ms, ts_ms=settings.ts_ms, tm_ms=0.0),
+        (before - after,),
+        Limits(velocity=(0.0,), acceleration=(settings.acceleration,)),
+    )
+    return ramp((position,), (before,), (after,), timing.ta_ms, timing.ts_ms)
+
+
+def jog_to(position: float, target: float, settings: JogSettings) -> tuple[Piece, ...]:
+    """Go from rest at `position` to rest at `target`.
+
+    A jog is one unblended move at Ix22 whose acceleration time is lengthened where Ix19 asks for it; a short
+    one takes the acceleration time and stays slower.
+
+    Raises:
+        NoAccelerationTimeError: Ix20 and Ix21 are both zero.
+    """
+    if target == position:
+        return ()
+    distance = target - position
+    limits = Limits(velocity=(settings.speed,), acceleration=(settings.acceleration,))
+    move = LinearMove(
+        distance=(distance,),
+        ta_ms=settings.ta_ms,
+        ts_ms=settings.ts_ms,
+        tm_ms=abs(distance) / settings.speed if settings.speed > 0.0 else 0.0,
+    )
+    pieces, blend, timing = lay(at_rest((position,)), move, limits)
+    return pieces + stop(blend, timing.ta_ms, timing.ts_ms, limits)
+
+
+def decelerate(position: float, velocity: float, rate: float) -> tuple[Piece, ...]:
+    """Come to rest at `rate` (Ix15, counts/ms^2). A rate of 0 never stops the motor: it runs on for ever."""
+    if velocity == 0.0:
+        return ()
+    if rate <= 0.0:
+        return (Piece(float("inf"), ((position, velocity, 0.0, 0.0),)),)
+    return ramp((position,), (velocity,), (0.0,), abs(velocity) / rate, 0.0)

@@ -1,0 +1,143 @@
+"""LINEAR blended moves: the rules of TA, TS, TM, Ix16 and Ix17, and the ramps that follow from them.
+
+Pure and incremental: a `Blend` holds what has been laid down, `lay` adds one move and `stop` ends the
+sequence. Sources: PMAC User Manual, motion trajectories; Software Reference, TA, TS, TM, Ix16, Ix17; Quick
+Reference, formula for the limited blend. The numbers of the rules are those of docs/pmac-emulation.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.pmac.trajectory.pieces import Piece, Vector, constant, ramp
+
+MOVE_TIME_MAX_MS = 8_388_607.0
+"""Longest LINEAR move (rule 6); a feedrate move that would take longer is done in this time."""
+
+
+class NoAccelerationTimeError(ValueError):
+    """TA and TS are both zero, which the controller cannot divide by (rule 5)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Ix16 (counts/ms) and Ix17 (counts/ms^2) for each motor; 0 is no limit."""
+
+    velocity: Vector
+    acceleration: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearMove:
+    """One commanded move: distance in counts for each motor, and the times in force, as commanded."""
+
+    distance: Vector
+    ta_ms: float
+    ts_ms: float
+    tm_ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """What the controller makes of the commanded times."""
+
+    ta_ms: float
+    ts_ms: float
+    tm_ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blend:
+    """Where the laid trajectory ends: inside the newest move, just after the ramp into it.
+
+    `target` is the nominal end of that move, `room_ms` the time left until then; at rest the velocity is
+    zero, the target is the position and there is no limit to the next ramp.
+    """
+
+    target: Vector
+    velocity: Vector
+    room_ms: float
+    at_rest: bool
+
+
+def at_rest(position: Vector) -> Blend:
+    """Return the state of motors that stand at `position` (counts)."""
+    return Blend(target=position, velocity=tuple(0.0 for _ in position), room_ms=0.0, at_rest=True)
+
+
+def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing:
+    """Apply rules 1, 2, 5, 6 with Ix16 and Ix17 to a move that follows velocity `before` (counts/ms).
+
+    Raises:
+        NoAccelerationTimeError: TA and TS are both zero.
+    """
+    ta_ms = max(move.ta_ms, 2.0 * move.ts_ms)  # rule 1
+    if ta_ms <= 0.0:
+        raise NoAccelerationTimeError
+    tm_ms = min(move.tm_ms, MOVE_TIME_MAX_MS)
+    for distance, limit in zip(move.distance, limits.velocity, strict=True):
+        if limit > 0.0:
+            tm_ms = max(tm_ms, abs(distance) / limit)  # Ix16: all axes slow together
+    nominal_ms = max(tm_ms, ta_ms)
+    for distance, was, limit in zip(move.distance, before, limits.acceleration, strict=True):
+        if limit > 0.0:
+            # Ix17 guards the change into this move, and the stop that may follow it.
+            velocity = distance / nominal_ms
+            change = max(abs(velocity - was), abs(velocity))
+            ta_ms = max(ta_ms, change / limit + move.ts_ms)
+    return Timing(ta_ms=ta_ms, ts_ms=move.ts_ms, tm_ms=max(tm_ms, ta_ms))  # rule 2
+
+
+def lay(blend: Blend, move: LinearMove, limits: Limits) -> tuple[tuple[Piece, ...], Blend, Timing]:
+    """Blend into `move`: return the pieces up to the end of that ramp, the new state and the timing used."""
+    timing = effective_timing(move, blend.velocity, limits)
+    velocity = tuple(distance / timing.tm_ms for distance in move.distance)
+    ta_ms, ts_ms = _room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+    pieces = _change_velocity(blend, velocity, ta_ms, ts_ms)
+    after = Blend(
+        target=tuple(t + d for t, d in zip(blend.target, move.distance, strict=True)),
+        velocity=velocity,
+        room_ms=timing.tm_ms - 0.5 * ta_ms,
+        at_rest=False,
+    )
+    return pieces, after, Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=timing.tm_ms)
+
+
+def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
+    """Come to rest at the target with the TA and TS now in force (rule 8); nothing when already at rest.
+
+    Raises:
+        NoAccelerationTimeError: TA and TS are both zero.
+    """
+    if blend.at_rest:
+        return ()
+    still = tuple(0.0 for _ in blend.velocity)
+    timing = effective_timing(
+        LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0), blend.velocity, limits
+    )
+    ta_ms, ts_ms = _room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+    return _change_velocity(blend, still, ta_ms, ts_ms, calculates=False)
+
+
+def _room_for_ramp(blend: Blend, ta_ms: float, ts_ms: float) -> tuple[float, float]:
+    """Rule 3: two ramps, each centred on its boundary, must not overlap inside the move between them."""
+    if not blend.at_rest:
+        ta_ms = min(ta_ms, 2.0 * blend.room_ms)
+    return ta_ms, min(ts_ms, 0.5 * ta_ms)
+
+
+def _change_velocity(
+    blend: Blend, velocity: Vector, ta_ms: float, ts_ms: float, calculates: bool = True
+) -> tuple[Piece, ...]:
+    """Run on to half a ramp before the boundary, then ramp; from rest the ramp begins at once."""
+    if blend.at_rest:
+        return ramp(blend.target, blend.velocity, velocity, ta_ms, ts_ms)
+    half_ms = 0.5 * ta_ms
+    run_ms = blend.room_ms - half_ms
+    pairs = tuple(zip(blend.target, blend.velocity, strict=True))
+    start = tuple(t - v * half_ms for t, v in pairs)
+    ramps = ramp(start, blend.velocity, velocity, ta_ms, ts_ms, calculates)
+    if run_ms <= 0.0:
+        return ramps
+    run = constant(tuple(t - v * blend.room_ms for t, v in pairs), blend.velocity, run_ms)
+    return (run, *ramps)

@@ -1,0 +1,80 @@
+"""Trajectories as cubic pieces: what every PMAC move mode is made of between two instants.
+
+Positions are motor counts, times ms. A piece holds one cubic for each motor that moves together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Vector = tuple[float, ...]
+"""One number for each motor of a coordinate system, in its fixed order."""
+
+Cubic = tuple[float, float, float, float]
+"""p(t) = c0 + c1 t + c2 t^2 + c3 t^3; counts and ms."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """`duration_ms` of motion; `calculates` marks the instant at which the next move is calculated."""
+
+    duration_ms: float
+    cubics: tuple[Cubic, ...]
+    calculates: bool = False
+
+
+def position_at(cubic: Cubic, t_ms: float) -> float:
+    """Return the position in counts, `t_ms` after the start of the piece."""
+    c0, c1, c2, c3 = cubic
+    return ((c3 * t_ms + c2) * t_ms + c1) * t_ms + c0
+
+
+def velocity_at(cubic: Cubic, t_ms: float) -> float:
+    """Return the velocity in counts/ms, `t_ms` after the start of the piece."""
+    _, c1, c2, c3 = cubic
+    return (3.0 * c3 * t_ms + 2.0 * c2) * t_ms + c1
+
+
+def constant(position: Vector, velocity: Vector, duration_ms: float) -> Piece:
+    """Return motion at constant velocity (counts/ms) from `position`."""
+    return Piece(duration_ms, tuple((p, v, 0.0, 0.0) for p, v in zip(position, velocity, strict=True)))
+
+
+def ramp(
+    start: Vector, before: Vector, after: Vector, ta_ms: float, ts_ms: float, calculates: bool = True
+) -> tuple[Piece, ...]:
+    """Change velocity from `before` to `after` (counts/ms) in `ta_ms`, with S-curves of `ts_ms` at each end.
+
+    The acceleration rises from zero to its peak (after - before)/(ta - ts) over `ts_ms`, is constant, and
+    falls to zero over `ts_ms` (PMAC Software Reference, TS). Needs 0 <= 2 ts <= ta and ta > 0. The first
+    piece is marked as the one at which the next move is calculated, unless `calculates` is False.
+    """
+    peak = tuple((b - a) / (ta_ms - ts_ms) for a, b in zip(before, after, strict=True))
+    jerk = tuple(a / ts_ms for a in peak) if ts_ms > 0.0 else tuple(0.0 for _ in peak)
+    none = tuple(0.0 for _ in peak)
+    plateau_ms = ta_ms - 2.0 * ts_ms
+    phases = ((ts_ms, none, jerk), (plateau_ms, peak, none), (ts_ms, peak, tuple(-j for j in jerk)))
+    pieces: list[Piece] = []
+    position, velocity = start, before
+    for duration_ms, acceleration, slope in phases:
+        if duration_ms <= 0.0:
+            continue
+        cubics = tuple(
+            (p, v, a / 2.0, j / 6.0)
+            for p, v, a, j in zip(position, velocity, acceleration, slope, strict=True)
+        )
+        pieces.append(Piece(duration_ms, cubics, calculates=calculates and not pieces))
+        position = tuple(position_at(cubic, duration_ms) for cubic in cubics)
+        velocity = tuple(velocity_at(cubic, duration_ms) for cubic in cubics)
+    return tuple(pieces)
+
+
+def hermite(start: Vector, before: Vector, end: Vector, after: Vector, duration_ms: float) -> Piece:
+    """Return the cubic through both positions (counts) with both velocities (counts/ms): a PVT segment."""
+    cubics = []
+    for p0, v0, p1, v1 in zip(start, before, end, after, strict=True):
+        slope = (p1 - p0) / duration_ms
+        c2 = (3.0 * slope - 2.0 * v0 - v1) / duration_ms
+        c3 = (v0 + v1 - 2.0 * slope) / (duration_ms * duration_ms)
+        cubics.append((p0, v0, c2, c3))
+    return Piece(duration_ms, tuple(cubics), calculates=True)

@@ -1,0 +1,71 @@
+"""The numbered variables of a controller: I, P, Q and M, and which I-variable belongs to whom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.syntax import VariableKind
+
+HIGHEST_INDEX = 1023
+"""I, P, Q and M run from 0 to 1023 on the non-Turbo controller."""
+
+
+def motor_variable(motor: int, number: int) -> int:
+    """Return the index of Ix`number` of motor x: motor_variable(2, 16) is 216."""
+    return 100 * motor + number
+
+
+def coordinate_variable(system: int, number: int) -> int:
+    """Return the index of Ix`number` of coordinate system x; the same sets as the motors', 85 to 98."""
+    return 100 * system + number
+
+
+class VariableStore:
+    """Values by family and number; what was never set reads 0, an undefined M is a plain value.
+
+    `i_revision` changes whenever an I-variable may have changed, so that what is derived from them can follow.
+    """
+
+    def __init__(self, i_variables: Mapping[int, float] | None = None) -> None:
+        self.i_revision = 0
+        self._values: dict[VariableKind, dict[int, float]] = {kind: {} for kind in VariableKind}
+        self._values[VariableKind.I].update(i_variables or {})
+
+    def get(self, kind: VariableKind, index: int) -> float:
+        """Return a value.
+
+        Raises:
+            PmacError: 003, no such variable.
+        """
+        _check(kind, index)
+        return self._values[kind].get(index, 0.0)
+
+    def set(self, kind: VariableKind, index: int, value: float) -> None:
+        """Store a value.
+
+        Raises:
+            PmacError: 003, no such variable.
+        """
+        _check(kind, index)
+        self._values[kind][index] = value
+        if kind is VariableKind.I:
+            self.i_revision += 1
+
+    def i(self, index: int) -> float:
+        """Return an I-variable."""
+        return self._values[VariableKind.I].get(index, 0.0)
+
+    def motor(self, motor: int, number: int) -> float:
+        """Return Ix`number` of a motor."""
+        return self.i(motor_variable(motor, number))
+
+    def replace_i(self, values: Mapping[int, float]) -> None:
+        """Put a whole set of I-variables in the place of the present one (a reset)."""
+        self._values[VariableKind.I] = dict(values)
+        self.i_revision += 1
+
+
+def _check(kind: VariableKind, index: int) -> None:
+    if not 0 <= index <= HIGHEST_INDEX:
+        raise PmacError(ErrorCode.DATA_ERROR, f"{kind}{index} does not exist; 0 to {HIGHEST_INDEX}")

@@ -1,0 +1,170 @@
+"""The simulated lathe: the card, the iron behind it and the part in its chuck, on one clock that is advanced."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from drivers.pmac.axes import AxisDefinition, scan_definition
+from drivers.pmac.dialect import PMAC
+from drivers.pmac.language.lexer import Scanner
+from drivers.simulator.controller import Controller
+from drivers.simulator.motor import HomeSensor
+from drivers.simulator.plant.axis import Axis, IdealAxis, LinearMotor, ServoAxis, ServoGains
+from drivers.simulator.plant.gauge import measure_released
+from drivers.simulator.plant.workpiece import Blank, Workpiece
+from drivers.simulator.port import Port
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.traces import Trace
+
+DAC_BITS = 32_768
+"""Full scale of the 16-bit output."""
+
+TOOL_START_MM = 1.0
+CARRIAGE_START_MM = 2.0
+SPINDLE_START_TURNS = 0.3456
+"""Where the machine was left standing: power-up tells the card nothing about it."""
+
+COAST_S = 1.5
+"""Time constant with which a spindle or carriage runs out when its amplifier is switched off."""
+
+MotorVariable = Callable[[int, int], float]
+
+MID_LENGTH = 0
+"""The section in the middle of the cut, the one that is measured."""
+
+
+class SimulatedLathe:
+    """A machine profile made to move. Time is whole servo cycles; nothing here sleeps."""
+
+    def __init__(self, machine: MachineProfile) -> None:
+        self._machine = machine
+        variables = PMAC.factory_variables()
+        variables.update({int(name[1:]): value for name, value in machine.controller.variables.items()})
+        self.tool = _tool_axis(machine, variables)
+        cycle_s = machine.controller.servo_period_ms / 1000.0
+        spindle_turn = float(machine.spindle.counts_per_rev)
+        spindle = IdealAxis(cycle_s, COAST_S, origin=round(SPINDLE_START_TURNS * spindle_turn))
+        carriage_origin = CARRIAGE_START_MM * machine.carriage.counts_per_mm
+        carriage = IdealAxis(cycle_s, COAST_S, origin=carriage_origin)
+        axes: dict[int, tuple[Axis, HomeSensor]] = {
+            machine.tool.motor: (self.tool, HomeSensor()),
+            machine.spindle.motor: (spindle, HomeSensor(period=spindle_turn)),
+            machine.carriage.motor: (carriage, HomeSensor()),
+        }
+        self.controller = Controller(
+            variables, axes, _definitions(machine), machine.controller.servo_period_ms
+        )
+        self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
+        self._gains_revision = self.controller.variables.i_revision
+        self._ports: list[Port] = []
+        self._part: Workpiece | None = None
+        self._nominal_radius_mm = 0.0
+        self._debt_cycles = 0.0
+
+    def connect(self) -> Port:
+        """Plug a host in."""
+        port = Port(self.controller)
+        self._ports.append(port)
+        return port
+
+    def disconnect(self, port: Port) -> None:
+        """Unplug it."""
+        port.disconnect()
+        self._ports.remove(port)
+
+    def now_s(self) -> float:
+        """Return the simulated time."""
+        return self.controller.now_ms / 1000.0
+
+    def wait(self, seconds: float) -> None:
+        """Advance by `seconds`; what is less than a background cycle is kept for the next call."""
+        self._debt_cycles += seconds * 1000.0 / self.controller.servo_period_ms
+        while self._debt_cycles >= self._block:
+            self._debt_cycles -= self._block
+            self._run_block()
+
+    def mount(self, job: Job) -> None:
+        """Clamp a new blank for `job`: its lobe and jaw angle become those of the real part."""
+        machine = self._machine
+        blank = Blank(
+            radius_mm=job.radius_mm,
+            lobe_um_pp=job.lobe_error_um_pp,
+            jaws=job.jaws,
+            jaw_1_deg=job.lobe_phase_deg,
+        )
+        face_mm = machine.carriage.jaw_face_mm - job.overhang_mm
+        self._part = Workpiece(blank, (face_mm + 0.5 * job.cut_length_mm,), machine.tool.wiper_land_mm)
+        self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
+
+    def measure(self) -> Trace:
+        """Release the part and take its trace in the middle of the cut."""
+        if self._part is None:
+            raise RuntimeError("no part is mounted")
+        return measure_released(self._part, MID_LENGTH, self._nominal_radius_mm)
+
+    def _run_block(self) -> None:
+        controller, machine = self.controller, self._machine
+        if controller.variables.i_revision != self._gains_revision:
+            self._gains_revision = controller.variables.i_revision
+            self.tool.set_gains(_gains(machine.tool.motor, controller.variables.motor))
+        tracks = controller.run_block(self._block)
+        if self._part is not None:
+            self._cut(self._part, tracks)
+        controller.background()
+        for port in self._ports:
+            port.service()
+
+    def _cut(self, part: Workpiece, tracks: dict[int, list[float]]) -> None:
+        machine = self._machine
+        tool, spindle, carriage = machine.tool, machine.spindle, machine.carriage
+        per_mm, home_mm = 1.0 / tool.counts_per_mm, tool.home_radius_mm
+        per_turn, per_z = 1.0 / spindle.counts_per_rev, 1.0 / carriage.counts_per_mm
+        part.cut(
+            [home_mm - x * per_mm for x in tracks[tool.motor]],
+            [y * per_turn for y in tracks[spindle.motor]],
+            [z * per_z for z in tracks[carriage.motor]],
+        )
+
+
+def _tool_axis(machine: MachineProfile, variables: dict[int, float]) -> ServoAxis:
+    tool = machine.tool
+    volt_per_bit = tool.dac_full_scale_v / DAC_BITS
+    motor = LinearMotor(
+        mass_kg=tool.moving_mass_kg,
+        damping_n_s_per_m=tool.damping_n_s_per_m,
+        force_n_per_bit=tool.loop_gain_n_per_v * volt_per_bit,
+        peak_output_bits=math.floor(tool.peak_current_a / tool.amplifier_gain_a_per_v / volt_per_bit),
+        counts_per_m=tool.counts_per_mm * 1000.0,
+    )
+    gains = _gains(tool.motor, lambda number, suffix: variables.get(100 * number + suffix, 0.0))
+    cycle_s = machine.controller.servo_period_ms / 1000.0
+    return ServoAxis(motor, gains, cycle_s, origin=TOOL_START_MM * tool.counts_per_mm)
+
+
+def _gains(motor: int, variable: MotorVariable) -> ServoGains:
+    return ServoGains(
+        ix08=variable(motor, 8),
+        ix09=variable(motor, 9),
+        ix30=variable(motor, 30),
+        ix31=variable(motor, 31),
+        ix32=variable(motor, 32),
+        ix33=variable(motor, 33),
+        ix34=variable(motor, 34),
+        ix35=variable(motor, 35),
+        ix69=variable(motor, 69),
+    )
+
+
+def _definitions(machine: MachineProfile) -> tuple[AxisDefinition, ...]:
+    definitions = []
+    for text in machine.controller.axis_definitions:
+        scanner = Scanner(text)
+        scanner.expect("#")
+        motor = scanner.take_integer()
+        scanner.expect("->")
+        definition = scan_definition(scanner, motor or 0)
+        if definition is not None:
+            definitions.append(definition)
+    return tuple(definitions)

@@ -1,0 +1,109 @@
+"""The workpiece in the chuck: what the tool leaves on it, and what it looks like when it is released.
+
+While it is clamped the jaws press the ring in and the tool cuts it round (or as the tool moves); released, it
+springs back and is high where the jaws were (Fig. 14 of the paper; ring under equal radial loads). The tool
+has a flat parallel to Z, so that successive turns overlap and leave no feed marks in a section.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+ANGLES = 3600
+"""Points of a section, equally spaced from the spindle index."""
+
+CHUNK = 4096
+OVERLAP = 3
+"""Servo samples kept from one chunk to the next, for the cubic between samples."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blank:
+    """A clamped blank that was turned round before: true values, not those of a profile.
+
+    `lobe_um_pp` is the spring-back of the free part, high at the jaws; `jaw_1_deg` the spindle angle of jaw 1.
+    """
+
+    radius_mm: float
+    lobe_um_pp: float
+    jaws: int
+    jaw_1_deg: float
+
+    def spring_back_um(self, angle_deg: Floats) -> Floats:
+        """Return how much further out the released surface is than the clamped one."""
+        phase = np.radians(self.jaws * (angle_deg - self.jaw_1_deg))
+        return np.asarray(0.5 * self.lobe_um_pp * np.cos(phase), dtype=np.float64)
+
+
+class Workpiece:
+    """Sections of a part, each the least radius that the tool has been at, all round."""
+
+    def __init__(self, blank: Blank, sections_mm: Sequence[float], land_mm: float) -> None:
+        """`sections_mm` are Z positions of the machine, `land_mm` the length of the tool's flat along Z."""
+        self.blank = blank
+        self._sections_mm = tuple(sections_mm)
+        self._land_mm = land_mm
+        self._radius_mm = np.full((len(self._sections_mm), ANGLES), blank.radius_mm)
+        self._pending: list[tuple[Sequence[float], Sequence[float], Sequence[float]]] = []
+        self._count = 0
+        self._tail: Floats = np.empty((3, 0))
+
+    def cut(self, radius_mm: Sequence[float], turns: Sequence[float], z_mm: Sequence[float]) -> None:
+        """Let the tool tip pass: its radius, the spindle's turns since the index, its Z, one servo cycle apart."""
+        self._pending.append((radius_mm, turns, z_mm))
+        self._count += len(radius_mm)
+        if self._count >= CHUNK:
+            self._settle()
+
+    def released_um(self, section: int, nominal_radius_mm: float) -> tuple[Floats, Floats]:
+        """Return angles (deg, from the spindle index) and deviations (um, outward) of a section when free."""
+        self._settle()
+        angle_deg = np.arange(ANGLES) * (360.0 / ANGLES)
+        clamped_um = (self._radius_mm[section] - nominal_radius_mm) * 1000.0
+        return angle_deg, clamped_um + self.blank.spring_back_um(angle_deg)
+
+    def _settle(self) -> None:
+        """Work the samples that have come into the surface."""
+        if not self._pending:
+            return
+        fresh = [np.concatenate([part[i] for part in self._pending]) for i in range(3)]
+        samples = np.concatenate([self._tail, np.stack(fresh)], axis=1)
+        self._pending, self._count = [], 0
+        self._tail = samples[:, -OVERLAP:]
+        for index, section_mm in enumerate(self._sections_mm):
+            inside = np.abs(samples[2] - section_mm) <= 0.5 * self._land_mm
+            if inside.any():
+                first, last = np.flatnonzero(inside)[[0, -1]]
+                self._pass(index, samples[0, first : last + 1], samples[1, first : last + 1])
+
+    def _pass(self, section: int, radius_mm: Floats, turns: Floats) -> None:
+        """Lower the surface to the tool wherever the tool went, between the samples too."""
+        if len(turns) < 2 or radius_mm.min() >= self._radius_mm[section].max():
+            return
+        grid, radius = _between_samples(radius_mm, turns * ANGLES)
+        np.minimum.at(self._radius_mm[section], np.mod(grid, ANGLES), radius)
+
+
+def _between_samples(values: Floats, places: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Interpolate at every whole place between the samples, by the cubic through four of them.
+
+    A sampled 150 Hz motion would lose half a micrometre to straight lines; the tool itself moves smoothly.
+    """
+    steps = np.diff(places)
+    start = np.arange(len(steps))[steps > 0.0]
+    first = np.ceil(places[start]).astype(np.int64)
+    counts = np.maximum(np.ceil(places[start + 1]).astype(np.int64) - first, 0)
+    index = np.repeat(start, counts)
+    offsets = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    grid = np.repeat(first, counts) + offsets
+    u = (grid - places[index]) / steps[index]
+    slopes = np.gradient(values)
+    p0, p1, m0, m1 = values[index], values[index + 1], slopes[index], slopes[index + 1]
+    cubic = (2 * (p0 - p1) + m0 + m1) * u + (3 * (p1 - p0) - 2 * m0 - m1)
+    return grid, (cubic * u + m0) * u + p0
