@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
@@ -58,6 +58,24 @@ def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
     if offset is None:
         raise PmacError(ErrorCode.DATA_ERROR, "an axis offset")
     return AxisDefinition(motor=motor, axis=axis, scale=scale, offset=sign * offset)
+
+
+def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
+    """Read whole definitions such as `#1->X`; cleared motors are left out.
+
+    Raises:
+        PmacError: 003, a text is no definition.
+    """
+    definitions = []
+    for text in texts:
+        scanner = Scanner(text)
+        scanner.expect("#")
+        motor = scanner.take_integer()
+        scanner.expect("->")
+        definition = scan_definition(scanner, motor or 0)
+        if definition is not None:
+            definitions.append(definition)
+    return tuple(definitions)
 
 
 def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[int, float]) -> dict[str, float]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from drivers.pmac.axes import AxisDefinition, scan_definition
+from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC
-from drivers.pmac.language.lexer import Scanner
 from drivers.simulator.controller import Controller
 from drivers.simulator.motor import HomeSensor
 from drivers.simulator.plant.axis import Axis, IdealAxis, LinearMotor, ServoAxis, ServoGains
@@ -54,7 +53,7 @@ class SimulatedLathe:
             machine.carriage.motor: (carriage, HomeSensor()),
         }
         self.controller = Controller(
-            variables, axes, _definitions(machine), machine.controller.servo_period_ms
+            variables, axes, read_definitions(machine.controller.axis_definitions), machine.controller.servo_period_ms
         )
         self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
         self._gains_revision = self.controller.variables.i_revision
@@ -156,15 +155,3 @@ def _gains(motor: int, variable: MotorVariable) -> ServoGains:
         ix69=variable(motor, 69),
     )
 
-
-def _definitions(machine: MachineProfile) -> tuple[AxisDefinition, ...]:
-    definitions = []
-    for text in machine.controller.axis_definitions:
-        scanner = Scanner(text)
-        scanner.expect("#")
-        motor = scanner.take_integer()
-        scanner.expect("->")
-        definition = scan_definition(scanner, motor or 0)
-        if definition is not None:
-            definitions.append(definition)
-    return tuple(definitions)

@@ -166,9 +166,7 @@ class EndIf:
     """ENDIF, or ENDI."""
 
 
-Statement = (
-    Assign | Set | SelectMode | Positioning | Move | Wait | While | EndWhile | If | Else | EndIf
-)
+Statement = Assign | Set | SelectMode | Positioning | Move | Wait | While | EndWhile | If | Else | EndIf
 
 Line = tuple[Statement, ...]
 """What stands between two line ends. A program is a tuple of lines."""

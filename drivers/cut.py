@@ -1,0 +1,202 @@
+"""A cut planned: the tool path that a job wants, the program that makes it, and what that program really does.
+
+Strategies: `none` keeps the tool at its depth, `paper` is Prog. 1 of Lee and Lee (2001), `pvt` inverts the
+servo at the lobe frequency. Findings carry codes `cut.*`; refusals stop the cut, warnings are told before it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.check import CheckedMove, CheckedProgram, extent, loop_lines, run_through
+from drivers.pmac.dialect import PMAC
+from drivers.pmac.program_text import ProgramText, read_program
+from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program, spindle_start_counts
+from drivers.pmac.programs.pvt import pvt_program
+from drivers.pmac.programs.setup import CutSetup, cut_setup
+from profiles.compensation import Sinusoid, invert, wanted_path
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.rules import Finding, Severity
+from profiles.servo import following_error_um, sampled_response
+
+TS_LIMIT_MS = 1000
+"""Longest S-curve that a cut is planned with."""
+
+
+class Strategy(StrEnum):
+    """How the tool is locked to the spindle."""
+
+    NONE = "none"
+    PAPER = "paper"
+    PVT = "pvt"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutPlan:
+    """Everything that is known before anything moves. Start positions are counts of tool, spindle, carriage."""
+
+    strategy: Strategy
+    wanted: Sinusoid
+    command: Sinusoid | None
+    setup: CutSetup
+    text: str
+    program: ProgramText
+    tool_start: float
+    spindle_start: float
+    carriage_start: float
+    spindle_speed_rpm: float
+    duration_s: float
+    findings: tuple[Finding, ...]
+
+
+def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int = DEFAULT_TS_MS) -> CutPlan:
+    """Plan a cut. `ts_ms` is the TS of the `paper` strategy, whole ms.
+
+    Raises:
+        ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `response.too_small`).
+        PmacError: the controller would refuse the program.
+    """
+    wanted = wanted_path(job)
+    command: Sinusoid | None = None
+    if strategy is Strategy.PAPER:
+        setup = cut_setup(job, machine, spindle_start_counts(job, machine))
+        text = paper_program(job, machine, setup, ts_ms)
+        tool_start = setup.surface
+    else:
+        setup = cut_setup(job, machine)
+        flat = replace(wanted, amplitude_um=0.0)
+        command = _inverse(job, machine, wanted) if strategy is Strategy.PVT else flat
+        text = pvt_program(job, setup, command)
+        tool_start = setup.retracted
+    program = read_program(text)
+    checked = run_through(program, settings_of(machine), read_definitions(machine.controller.axis_definitions), _start(machine, setup, tool_start))
+    loop = _steady_moves(program, checked)
+    speed_rpm = _speed_rpm(loop, checked, machine)
+    return CutPlan(
+        strategy=strategy,
+        wanted=wanted,
+        command=command,
+        setup=setup,
+        text=text,
+        program=program,
+        tool_start=tool_start,
+        spindle_start=setup.spindle_start,
+        carriage_start=setup.carriage_start,
+        spindle_speed_rpm=speed_rpm,
+        duration_s=checked.duration_ms / 1000.0,
+        findings=(
+            *_path_findings(loop, checked, machine, job, speed_rpm),
+            *_limit_findings(checked, machine),
+            *_servo_findings(job, machine, command),
+        ),
+    )
+
+
+def settings_of(machine: MachineProfile) -> dict[int, float]:
+    """Return every I-variable of the controller as the machine profile has it set."""
+    values = PMAC.factory_variables()
+    values.update({int(name[1:]): value for name, value in machine.controller.variables.items()})
+    return values
+
+
+def _inverse(job: Job, machine: MachineProfile, wanted: Sinusoid) -> Sinusoid:
+    return invert(wanted, complex(sampled_response(machine, job.lobe_frequency_hz)))
+
+
+def _start(machine: MachineProfile, setup: CutSetup, tool_start: float) -> dict[int, float]:
+    return {
+        machine.tool.motor: tool_start,
+        machine.spindle.motor: setup.spindle_start,
+        machine.carriage.motor: setup.carriage_start,
+    }
+
+
+def _steady_moves(program: ProgramText, checked: CheckedProgram) -> tuple[CheckedMove, ...]:
+    """Return the moves of the last loop, without those that lead into and out of it."""
+    lines = loop_lines(program.program)
+    moves = [move for move in checked.moves if move.record.line in lines]
+    tail = max(2, len(moves) // 4)
+    return tuple(moves[-tail - 1 : -1])
+
+
+def _speed_rpm(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: MachineProfile) -> float:
+    index = checked.motors.index(machine.spindle.motor)
+    counts = loop[-1].record.target[index] - loop[0].record.target[index]
+    minutes = sum(move.used.tm_ms for move in loop[1:]) / 60_000.0
+    return counts / machine.spindle.counts_per_rev / minutes
+
+
+def _path_findings(
+    loop: tuple[CheckedMove, ...],
+    checked: CheckedProgram,
+    machine: MachineProfile,
+    job: Job,
+    speed_rpm: float,
+) -> list[Finding]:
+    """Stretched segments, the speed that they leave, and the stroke that blending eats."""
+    findings = []
+    asked, used = loop[-1].record.asked.tm_ms, loop[-1].used.tm_ms
+    if used > asked * (1.0 + 1e-9):
+        findings.append(_warning("cut.segment_stretched", "TM", f"{used:g} ms", f"{asked:g} ms"))
+    if not math.isclose(speed_rpm, job.spindle_speed_rpm, rel_tol=1e-6):
+        findings.append(
+            _warning(
+                "cut.speed_differs",
+                "spindle_speed_rpm",
+                f"{speed_rpm:.6g} rpm",
+                f"{job.spindle_speed_rpm:g} rpm",
+            )
+        )
+    index = checked.motors.index(machine.tool.motor)
+    targets = [move.record.target[index] for move in loop]
+    low, high = extent([piece for move in loop[1:] for piece in move.pieces], index)
+    asked_um = (max(targets) - min(targets)) * machine.tool.count_um
+    kept_um = (high - low) * machine.tool.count_um
+    if asked_um > 0.0 and kept_um < 0.98 * asked_um:
+        findings.append(_warning("cut.stroke_lost", "stroke", f"{kept_um:.2f} um", f"{asked_um:.2f} um"))
+    return findings
+
+
+def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Finding]:
+    """Program velocities above Ix16 (which does not guard PVT) and targets beyond the software limits."""
+    variables = machine.controller.variables
+    findings = []
+    for motor in checked.motors:
+        fastest = variables[f"I{motor}16"]
+        if checked.peak_velocity[motor] > fastest * (1.0 + 1e-9):
+            value = f"{checked.peak_velocity[motor]:.4g} counts/ms"
+            findings.append(_refusal("cut.too_fast", f"I{motor}16", value, f"<= {fastest:g} counts/ms"))
+        high, low = variables[f"I{motor}13"], variables[f"I{motor}14"]
+        if high and checked.highest[motor] > high:
+            value = f"{checked.highest[motor]:.0f} counts"
+            findings.append(_refusal("cut.beyond_travel", f"I{motor}13", value, f"<= {high:g} counts"))
+        if low and checked.lowest[motor] < low:
+            value = f"{checked.lowest[motor]:.0f} counts"
+            findings.append(_refusal("cut.beyond_travel", f"I{motor}14", value, f">= {low:g} counts"))
+    return findings
+
+
+def _servo_findings(job: Job, machine: MachineProfile, command: Sinusoid | None) -> list[Finding]:
+    """A lobe whose lag alone would trip the following-error limit must not be started."""
+    if command is None or command.amplitude_um == 0.0:
+        return []
+    limit_um = machine.controller.variables[f"I{machine.tool.motor}11"] / 16.0 * machine.tool.count_um
+    error_um = following_error_um(machine, command.amplitude_um, job.lobe_frequency_hz)
+    if error_um < limit_um:
+        return []
+    key = f"I{machine.tool.motor}11"
+    return [_refusal("cut.following_error", key, f"{error_um:.1f} um", f"< {limit_um:g} um")]
+
+
+def _warning(code: str, key: str, value: str, limit: str) -> Finding:
+    return Finding(severity=Severity.WARNING, problem=Problem(code=code, key=key, value=value, limit=limit))
+
+
+def _refusal(code: str, key: str, value: str, limit: str) -> Finding:
+    return Finding(severity=Severity.REFUSAL, problem=Problem(code=code, key=key, value=value, limit=limit))
+

@@ -1,0 +1,176 @@
+"""The value of an expression and the truth of a condition, compiled once to closures and run many times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.pmac.language import arithmetic
+from drivers.pmac.language.errors import ErrorCode, EvaluationError
+from drivers.pmac.language.syntax import (
+    Binary,
+    Call,
+    Comparison,
+    Condition,
+    Expression,
+    Junction,
+    Negate,
+    Number,
+    Variable,
+    VariableKind,
+)
+
+NEAR = 1.0
+"""`~` holds when two values differ by less than this (PMAC User Manual, Comparators)."""
+
+
+class Variables(Protocol):
+    """Where the values of variables come from."""
+
+    def get(self, kind: VariableKind, index: int) -> float:
+        """Return a value."""
+        ...
+
+
+Value = Callable[[Variables], float]
+Truth = Callable[[Variables], bool]
+
+
+def evaluate(
+    expression: Expression, variables: Variables, degrees: bool = True, *, strict: bool = True
+) -> float:
+    """Return the value of an expression, see `compile_expression`."""
+    return compile_expression(expression, degrees, strict=strict)(variables)
+
+
+def holds(condition: Condition, variables: Variables, degrees: bool = True, *, strict: bool = True) -> bool:
+    """Return whether a condition is true, see `compile_condition`."""
+    return compile_condition(condition, degrees, strict=strict)(variables)
+
+
+def compile_expression(expression: Expression, degrees: bool = True, *, strict: bool = True) -> Value:
+    """Return a function that calculates the expression from the variables.
+
+    Angles are in degrees (I15=0) or in radians. ATAN2 takes its argument as the sine and Q0 as the cosine.
+    The returned function raises EvaluationError for a calculation without a finite result. With `strict`
+    False it goes on like the controller: +-2^47 for a division by zero, 0 for `%` by zero and for a function
+    outside its domain; only an overflow still raises.
+    """
+    value_of = _Compiler(degrees, strict).expression(expression)
+
+    def calculate(variables: Variables) -> float:
+        try:
+            value = value_of(variables)
+        except (ArithmeticError, ValueError) as fault:
+            raise EvaluationError(ErrorCode.DATA_ERROR, str(fault)) from fault
+        if not math.isfinite(value):
+            raise EvaluationError(ErrorCode.DATA_ERROR, "overflow")
+        return value
+
+    return calculate
+
+
+def compile_condition(condition: Condition, degrees: bool = True, *, strict: bool = True) -> Truth:
+    """Return a function that tests the condition; what decides early spares the rest its evaluation.
+
+    Raises as `compile_expression` does.
+    """
+    match condition:
+        case Junction("AND", left, right):
+            first = compile_condition(left, degrees, strict=strict)
+            second = compile_condition(right, degrees, strict=strict)
+            return lambda v: first(v) and second(v)
+        case Junction(_, left, right):
+            first = compile_condition(left, degrees, strict=strict)
+            second = compile_condition(right, degrees, strict=strict)
+            return lambda v: first(v) or second(v)
+        case Comparison(comparator, left_side, right_side):
+            left_value = compile_expression(left_side, degrees, strict=strict)
+            right_value = compile_expression(right_side, degrees, strict=strict)
+            return _comparison(comparator, left_value, right_value)
+
+
+def _comparison(comparator: str, left: Value, right: Value) -> Truth:
+    tests: dict[str, Truth] = {
+        "=": lambda v: left(v) == right(v),
+        "!=": lambda v: left(v) != right(v),
+        ">": lambda v: left(v) > right(v),
+        "!>": lambda v: left(v) <= right(v),
+        "<": lambda v: left(v) < right(v),
+        "!<": lambda v: left(v) >= right(v),
+        "~": lambda v: abs(left(v) - right(v)) < NEAR,
+        "!~": lambda v: abs(left(v) - right(v)) >= NEAR,
+    }
+    return tests[comparator]
+
+
+@dataclass(frozen=True, slots=True)
+class _Compiler:
+    """The settings of one compilation; the closures may raise ArithmeticError and ValueError."""
+
+    degrees: bool
+    strict: bool
+
+    def expression(self, expression: Expression) -> Value:
+        match expression:
+            case Number(constant):
+                return lambda v: constant
+            case Variable(kind, index):
+                return self._variable(kind, index)
+            case Negate(operand):
+                value = self.expression(operand)
+                return lambda v: -value(v)
+            case Call(name, argument):
+                return self._call(name, self.expression(argument))
+            case Binary(operator, left, right):
+                return self._binary(operator, self.expression(left), self.expression(right))
+
+    def _variable(self, kind: VariableKind, index: Expression) -> Value:
+        if isinstance(index, Number):
+            fixed = int(index.value)
+            return lambda v: v.get(kind, fixed)
+        number = self.expression(index)
+        return lambda v: v.get(kind, int(number(v)))
+
+    def _call(self, name: str, argument: Value) -> Value:
+        function = self._function(name)
+
+        def call(variables: Variables) -> float:
+            value = argument(variables)
+            if not math.isfinite(value):
+                raise OverflowError(f"argument of {name} too large")
+            return function(value, variables)
+
+        return call
+
+    def _function(self, name: str) -> Callable[[float, Variables], float]:
+        if name == "ATAN2":
+            scale = math.degrees(1.0) if self.degrees else 1.0
+            return lambda value, v: scale * math.atan2(value, v.get(VariableKind.Q, 0))
+        function = arithmetic.unary_functions(self.degrees)[name]
+        if not self.strict:
+            function = arithmetic.forgiving(function)
+        return lambda value, v: function(value)
+
+    def _binary(self, operator: str, left: Value, right: Value) -> Value:
+        match operator:
+            case "+":
+                return lambda v: left(v) + right(v)
+            case "-":
+                return lambda v: left(v) - right(v)
+            case "*":
+                return lambda v: left(v) * right(v)
+        combine = (_STRICT if self.strict else _SATURATING)[operator]
+        return lambda v: combine(left(v), right(v))
+
+
+_STRICT: dict[str, arithmetic.BinaryFunction] = {
+    "/": arithmetic.divide,
+    "%": arithmetic.modulo,
+    "&": arithmetic.bit_and,
+    "|": arithmetic.bit_or,
+    "^": arithmetic.bit_xor,
+}
+_SATURATING = {**_STRICT, "/": arithmetic.saturating_divide, "%": arithmetic.saturating_modulo}

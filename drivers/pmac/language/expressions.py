@@ -1,0 +1,176 @@
+"""Reading expressions, conditions, variables and the data after a word."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.syntax import (
+    Binary,
+    Call,
+    Comparison,
+    Condition,
+    Expression,
+    Junction,
+    Negate,
+    Number,
+    Variable,
+    VariableKind,
+)
+
+FUNCTIONS = ("SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2", "LN", "EXP", "SQRT", "ABS", "INT")
+COMPARATORS = ("=", "!=", ">", "!>", "<", "!<", "~", "!~")
+PRODUCTS = ("*", "/", "%", "&")
+"""The operators that bind tighter (PMAC User Manual, Operators)."""
+SUMS = ("+", "-", "|", "^")
+
+MAX_NESTING = 15
+"""Parentheses inside parentheses; deeper text is refused rather than followed without end."""
+MAX_OPERANDS = 100
+"""Operands of one expression or condition; bounds the depth of the tree of a long chain."""
+
+_KINDS = tuple(VariableKind)
+_INDEX_STARTS = "0123456789$("
+_DATA_STARTS = "0123456789$.(-"
+
+
+def parse_expression(scanner: Scanner) -> Expression:
+    """Read an expression: `* / % &` bind tighter than `+ - | ^`, both from left to right.
+
+    Raises PmacError 003: no expression stands at the cursor, or it is too large.
+    """
+    return _Reader(scanner).sum()
+
+
+def parse_condition(scanner: Scanner) -> Condition:
+    """Read comparisons joined by AND and OR, without the parentheses around the whole.
+
+    A comparison must not stand in parentheses of its own (PMAC User Manual, Conditions).
+
+    Raises PmacError 003: no condition stands at the cursor, or it has no comparator (`<=` is none).
+    """
+    return _Reader(scanner).condition()
+
+
+def parse_variable(scanner: Scanner) -> Variable | None:
+    """Read `P100` or `P(P1+1)`; None, with nothing consumed, if no variable stands at the cursor.
+
+    Raises PmacError 003: the number in parentheses is no expression.
+    """
+    return _Reader(scanner).variable()
+
+
+def at_data(scanner: Scanner) -> bool:
+    """Whether `parse_data` has something to read."""
+    return scanner.peek(_DATA_STARTS)
+
+
+def parse_data(scanner: Scanner) -> Expression:
+    """Read what follows a word: a constant, negative or not (`X-500`), or an expression in parentheses.
+
+    A plus sign is no sign (PMAC Software Reference, Mathematical Operators).
+
+    Raises PmacError 003: neither stands at the cursor (`XP1` is refused).
+    """
+    if scanner.accept("("):
+        value = parse_expression(scanner)
+        scanner.expect(")")
+        return value
+    negative = scanner.accept("-")
+    number = scanner.take_number()
+    if number is None:
+        raise scanner.refusal("expected a constant or parentheses")
+    return negated(Number(number)) if negative else Number(number)
+
+
+def negated(operand: Expression) -> Expression:
+    """Return the operand with a minus sign; that of a constant is part of the constant."""
+    if isinstance(operand, Number):
+        return Number(-operand.value if operand.value else 0.0)
+    return Negate(operand)
+
+
+@dataclass(slots=True)
+class _Reader:
+    """One expression or condition being read."""
+
+    scanner: Scanner
+    operands: int = 0
+    nesting: int = 0
+
+    def condition(self) -> Condition:
+        left = self._conjunction()
+        while self.scanner.accept("OR"):
+            left = Junction("OR", left, self._conjunction())
+        return left
+
+    def _conjunction(self) -> Condition:
+        left: Condition = self._comparison()
+        while self.scanner.accept("AND"):
+            left = Junction("AND", left, self._comparison())
+        return left
+
+    def _comparison(self) -> Comparison:
+        left = self.sum()
+        comparator = self.scanner.take_word(COMPARATORS)
+        if comparator is None:
+            raise self.scanner.refusal("expected a comparator")
+        return Comparison(comparator, left, self.sum())
+
+    def sum(self) -> Expression:
+        left = self._product()
+        while (operator := self.scanner.take_word(SUMS)) is not None:
+            left = Binary(operator, left, self._product())
+        return left
+
+    def _product(self) -> Expression:
+        left = self._operand()
+        while (operator := self.scanner.take_word(PRODUCTS)) is not None:
+            left = Binary(operator, left, self._operand())
+        return left
+
+    def _operand(self) -> Expression:
+        self.operands += 1
+        if self.operands > MAX_OPERANDS:
+            raise self.scanner.refusal("expression too long")
+        number = self.scanner.take_number()
+        if number is not None:
+            return Number(number)
+        self._enter()
+        operand = self._compound()
+        self.nesting -= 1
+        return operand
+
+    def _compound(self) -> Expression:
+        if self.scanner.accept("-"):
+            return negated(self._operand())
+        if self.scanner.peek("("):
+            return self._parenthesised()
+        name = self.scanner.take_word(FUNCTIONS)
+        if name is not None:
+            return Call(name, self._parenthesised())
+        variable = self.variable()
+        if variable is None:
+            raise self.scanner.refusal("expected an operand")
+        return variable
+
+    def variable(self) -> Variable | None:
+        mark = self.scanner.mark()
+        kind = self.scanner.take_word(_KINDS)
+        if kind is None or not self.scanner.peek(_INDEX_STARTS):
+            self.scanner.reset(mark)
+            return None
+        number = self.scanner.take_integer()
+        index = Number(number) if number is not None else self._parenthesised()
+        return Variable(VariableKind(kind), index)
+
+    def _parenthesised(self) -> Expression:
+        self.scanner.expect("(")
+        inside = self.sum()
+        self.scanner.expect(")")
+        return inside
+
+    def _enter(self) -> None:
+        self.nesting += 1
+        if self.nesting > MAX_NESTING:
+            raise self.scanner.refusal("nested too deeply")

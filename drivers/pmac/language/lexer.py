@@ -1,0 +1,163 @@
+"""Scanning one line of PMAC text on demand.
+
+The controller's spelling is loose: case and white space do not matter, not even inside a word
+(`End While`, `ta10ts10tm(P400)`, `i65???&1??%#1?PVFm190p99`), so that only a parser knows which words can
+stand at the cursor. White space does end a number: `$1 F100` is two things, and `X1 0` is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Collection
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+
+HIGHEST_CHARACTER = 127
+"""Anything above is refused outside a comment (PMAC Software Reference, I6: ERR004)."""
+
+_WHITE = frozenset(" \t\r\n")
+# A point that begins `..` belongs to a range of variables (P1..3), not to the number before it.
+_NUMBER = re.compile(r"\$[0-9A-F]+|[0-9]+(?:\.(?!\.)[0-9]*)?|\.[0-9]+")
+_INTEGER = re.compile(r"\$[0-9A-F]{1,12}|[0-9]{1,18}")
+
+
+class Scanner:
+    """A cursor over the text of one line; a comment (`;` to the end) may contain any character."""
+
+    def __init__(self, text: str) -> None:
+        """Prepare a line.
+
+        Raises PmacError 004: a character above 127 outside a comment.
+        """
+        self._cursor = 0
+        self._text, self._columns, self._gaps = _condense(text)
+
+    @property
+    def at_end(self) -> bool:
+        """Whether nothing but white space and a comment is left."""
+        return self._cursor >= len(self._text)
+
+    @property
+    def position(self) -> int:
+        """The column of the cursor in the line as it was given, from 0."""
+        return self._columns[self._cursor]
+
+    @property
+    def rest(self) -> str:
+        """What is left: upper case, without white space and comment."""
+        return self._text[self._cursor :]
+
+    def mark(self) -> int:
+        """Return the cursor, for `reset`."""
+        return self._cursor
+
+    def reset(self, mark: int) -> None:
+        """Go back to a mark."""
+        self._cursor = mark
+
+    def peek(self, characters: str) -> bool:
+        """Whether the next character is one of `characters`."""
+        return self._cursor < len(self._text) and self._text[self._cursor] in characters
+
+    def accept(self, word: str) -> bool:
+        """Go past `word` (upper case, no spaces) if it stands at the cursor."""
+        if not self._text.startswith(word, self._cursor):
+            return False
+        self._cursor += len(word)
+        return True
+
+    def expect(self, word: str) -> None:
+        """Go past `word`.
+
+        Raises PmacError 003: something else stands there.
+        """
+        if not self.accept(word):
+            raise self.refusal(f"expected {word}")
+
+    def take_word(self, words: Collection[str]) -> str | None:
+        """Go past the longest of `words` (upper case, no spaces) that stands at the cursor."""
+        found = ""
+        for word in words:
+            if len(word) > len(found) and self._text.startswith(word, self._cursor):
+                found = word
+        self._cursor += len(found)
+        return found or None
+
+    def take_number(self) -> float | None:
+        """Go past an unsigned constant: `12`, `12.5`, `.5` or, in hexadecimal, `$1F`. No exponent.
+
+        Raises PmacError 003: a constant that no number can hold.
+        """
+        digits = self._match(_NUMBER)
+        if digits is None:
+            return None
+        try:
+            value = float(int(digits[1:], 16)) if digits[0] == "$" else float(digits)
+        except OverflowError:
+            value = float("inf")
+        if value == float("inf"):
+            raise self.refusal("constant too large")
+        return value
+
+    def take_integer(self) -> int | None:
+        """Go past an unsigned whole number of up to 18 digits, or up to 12 hexadecimal ones after `$`."""
+        digits = self._match(_INTEGER)
+        if digits is None:
+            return None
+        return int(digits[1:], 16) if digits[0] == "$" else int(digits)
+
+    def take_string(self) -> str | None:
+        """Go past a text in double quotes and return it as it was typed.
+
+        Raises PmacError 003: the closing quote is missing.
+        """
+        if not self.peek('"'):
+            return None
+        end = self._text.find('"', self._cursor + 1)
+        if end < 0:
+            raise self.refusal("unfinished text")
+        taken = self._text[self._cursor + 1 : end]
+        self._cursor = end + 1
+        return taken
+
+    def refusal(self, reason: str) -> PmacError:
+        """Return an ERR003 that names the place, for the caller to raise."""
+        met = self.rest[:20] or "the end of the line"
+        return PmacError(ErrorCode.DATA_ERROR, f"column {self.position + 1}: {reason}, met {met}")
+
+    def _match(self, pattern: re.Pattern[str]) -> str | None:
+        """Go past a match that ends at white space at the latest."""
+        following = bisect_right(self._gaps, self._cursor)
+        limit = self._gaps[following] if following < len(self._gaps) else len(self._text)
+        found = pattern.match(self._text, self._cursor, limit)
+        if found is None:
+            return None
+        self._cursor = found.end()
+        return found.group()
+
+
+def _condense(text: str) -> tuple[str, list[int], list[int]]:
+    """Return the line without white space and comment, the columns, and the places where a gap was."""
+    kept: list[str] = []
+    columns: list[int] = []
+    gaps: list[int] = []
+    quoted = False
+    column = 0
+    for column, character in enumerate(text):
+        if ord(character) > HIGHEST_CHARACTER:
+            raise PmacError(ErrorCode.ILLEGAL_CHARACTER, f"column {column + 1}: {character!r}")
+        if character == '"':
+            quoted = not quoted
+        elif not quoted:
+            if character == ";":
+                break
+            if character in _WHITE:
+                gaps.append(len(kept))
+                continue
+            character = character.upper()
+        kept.append(character)
+        columns.append(column)
+    else:
+        column = len(text)
+    return "".join(kept), [*columns, column], gaps

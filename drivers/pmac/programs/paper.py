@@ -1,0 +1,131 @@
+"""The paper's Prog. 1 for any job, mended: what is changed and why is listed in docs/paper-program.md.
+
+The heart is as printed: two LINEAR moves for each lobe, TA10, TS and TM as the author wrote them, the tool
+going in by the whole lobe and back. What a controller makes of it is for the checker to say.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.setup import CutSetup
+from drivers.pmac.trajectory.linear import Limits, LinearMove, effective_timing
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+PROGRAM_NUMBER = 1
+TA_MS = 10
+DEFAULT_TS_MS = 10
+RUN_UP_MS = 1000
+RETRACT_MS = 200
+RETRACT_COUNTS = 10_000
+FLAG = "M26"
+
+
+def segment_ms(job: Job, machine: MachineProfile, ts_ms: int) -> float:
+    """Return the time that one of the two moves of a lobe really takes, ms."""
+    asked_ms = 1000.0 / (2.0 * job.lobe_frequency_hz)
+    motors = (machine.spindle.motor, machine.tool.motor)
+    variables = machine.controller.variables
+    move = LinearMove(
+        distance=(_counts_per_segment(job, machine), _stroke(job, machine)),
+        ta_ms=TA_MS,
+        ts_ms=ts_ms,
+        tm_ms=asked_ms,
+    )
+    limits = Limits(
+        velocity=tuple(variables[f"I{motor}16"] for motor in motors),
+        acceleration=tuple(variables[f"I{motor}17"] for motor in motors),
+    )
+    steady = (move.distance[0] / max(asked_ms, TA_MS, 2 * ts_ms), -move.distance[1] / max(asked_ms, TA_MS))
+    return effective_timing(move, steady, limits).tm_ms
+
+
+def spindle_start_counts(job: Job, machine: MachineProfile) -> float:
+    """Return where the spindle must stand at the start, counts from the index, within one turn.
+
+    The tool is furthest in one move after the loop begins, and the loop begins a whole number of lobes after
+    the start: so the start is one move ahead of jaw 1 (Fig. 15 of the paper, in numbers).
+    """
+    per_turn = machine.spindle.counts_per_rev
+    jaw_1 = job.lobe_phase_deg / 360.0 * per_turn
+    return (jaw_1 - _counts_per_segment(job, machine)) % (per_turn / job.jaws)
+
+
+def paper_program(job: Job, machine: MachineProfile, setup: CutSetup, ts_ms: int = DEFAULT_TS_MS) -> str:
+    """Return the text of the program. It starts with the tool on the surface, clear of the part in Z."""
+    used_ms = segment_ms(job, machine, ts_ms)
+    lobes = math.ceil(1.2 * RUN_UP_MS / (2.0 * used_ms))
+    per_turn = setup.counts_per_turn
+    per_segment = setup.carriage_per_turn / (2 * job.jaws)
+    number = format_number
+    values = {
+        "job": job.name,
+        "rpm": number(job.spindle_speed_rpm),
+        "lines": machine.spindle.encoder_lines_per_rev,
+        "multiple": machine.spindle.counts_per_line,
+        "per_turn": per_turn,
+        "segments_a_turn": 2 * job.jaws,
+        "hz": number(job.lobe_frequency_hz),
+        "stroke": number(_stroke(job, machine)),
+        "error": number(job.lobe_error_um_pp),
+        "count_um": number(setup.tool_count_um),
+        "depth": number(setup.depth),
+        "feed": number(per_segment),
+        "moves": 2 * math.ceil(setup.carriage_counts / per_segment / 2),
+        "run_up": number(2 * lobes),
+        "run_up_ms": number(2 * lobes * used_ms),
+        "ta": TA_MS,
+        "ts": ts_ms,
+        "retract": RETRACT_COUNTS,
+        "retract_ms": RETRACT_MS,
+        "retract_turn": number(RETRACT_MS / used_ms),
+        "slow": RUN_UP_MS,
+        "slow_ts": RUN_UP_MS // 4,
+        "flag": FLAG,
+        "program": PROGRAM_NUMBER,
+    }
+    return _TEXT.format(**values)
+
+
+def _counts_per_segment(job: Job, machine: MachineProfile) -> float:
+    return machine.spindle.counts_per_rev / (2.0 * job.jaws)
+
+
+def _stroke(job: Job, machine: MachineProfile) -> float:
+    return job.lobe_error_um_pp / machine.tool.count_um
+
+
+_TEXT = """\
+; {job}: Prog. 1 of Lee and Lee (2001), mended. x tool, y spindle, z carriage; all in counts.
+P100={rpm} ; spindle speed, rpm
+P200={lines} ; encoder lines a turn
+P300={per_turn}/{segments_a_turn} ; spindle counts in one move
+P400=1000/(2*{hz}) ; time of one move, ms
+P500={stroke} ; {error} um over {count_um} um a count
+P600={feed} ; ours: carriage counts in one move
+P610={moves} ; ours: moves to the end of the cut
+P620=P300*{run_up} ; ours: run-up, a whole number of lobes
+P621={run_up_ms} ; ours: its time, ms
+P630=0 ; ours: moves done
+CLOSE
+OPEN PROG {program}
+CLEAR
+LINEAR ; ours
+INC
+{flag}=0 ; ours: the host sets it to end the cut before its time
+TA{ta} TS{ts} F50000
+X{depth} ; depth of cut, clear of the part
+TA{slow} TS{slow_ts} TM(P621) Y(P620) ; ours: run-up
+TA{ta} TS{ts} ; ours: back to the times of the cut
+WHILE({flag}=0 AND P630<P610) ; ours: the count of moves
+P630=P630+2 ; ours
+P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(P500) Z(P600) ; Z is ours
+P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(-P500) Z(P600)
+ENDWHILE
+TA10 TS10 TM{retract_ms} X-{retract} Y(P300*{retract_turn}) ; printed X10000: 2 mm into the part
+TM(P621) Y(P620) ; ours: the spindle turns on until the tool is out
+TA{slow} TS{slow_ts} ; ours: and runs down
+CLOSE
+"""

@@ -1,0 +1,185 @@
+"""The cut as PVT segments: a sinusoid locked to the spindle angle, with the servo's gain and phase inverted.
+
+PVT passes through every point, and the angle of each segment is calculated from its number, so that nothing
+is rounded from turn to turn. Segment times are whole milliseconds, as this controller needs them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.setup import CutSetup
+from profiles.compensation import Sinusoid
+from profiles.job import Job
+from profiles.problem import Problem, ProblemError
+
+PROGRAM_NUMBER = 2
+FLAG = "M26"
+
+INTERPOLATION_LIMIT_UM = 0.05
+"""What the cubics between the points may differ from the sinusoid."""
+
+LONGEST_SEGMENT_MS = 8
+HALF_RUN_UP_MS = 500
+OUT_SPEED_MM_S = 10.0
+SETTLE_MS = 400
+"""Time in which the amplitude grows to its full value, clear of the part."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PvtTiming:
+    """The times of the program, all in whole ms."""
+
+    segment_ms: int
+    approach_ms: int
+    ramp_segments: int
+    cut_segments: int
+
+
+def interpolation_error_um(amplitude_um: float, frequency_hz: float, segment_ms: float) -> float:
+    """Return the largest distance of cubic Hermite segments from a sine: A (w h)^4 / 384."""
+    phase = 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
+    return amplitude_um * phase**4 / 384.0
+
+
+def longest_segment_ms(command: Sinusoid, frequency_hz: float) -> int:
+    """Return the longest segment that stays below the limit of interpolation.
+
+    Raises:
+        ProblemError: `program.too_fast`, one millisecond is too long for this speed and amplitude.
+    """
+    for segment_ms in range(LONGEST_SEGMENT_MS, 0, -1):
+        error_um = interpolation_error_um(command.amplitude_um, frequency_hz, segment_ms)
+        if error_um < 0.5 * INTERPOLATION_LIMIT_UM:
+            return segment_ms
+    error_um = interpolation_error_um(command.amplitude_um, frequency_hz, 1.0)
+    if error_um < INTERPOLATION_LIMIT_UM:
+        return 1
+    raise ProblemError(
+        Problem(
+            code="program.too_fast",
+            key="spindle_speed_rpm",
+            value=f"{error_um:.3f} um",
+            limit=f"< {INTERPOLATION_LIMIT_UM:g} um",
+        )
+    )
+
+
+def pvt_timing(job: Job, setup: CutSetup, command: Sinusoid) -> PvtTiming:
+    """Return the times for a job.
+
+    Raises:
+        ProblemError: `program.too_fast`.
+    """
+    segment_ms = longest_segment_ms(command, job.lobe_frequency_hz)
+    way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
+    turn_ms = 60_000.0 / job.spindle_speed_rpm
+    return PvtTiming(
+        segment_ms=segment_ms,
+        approach_ms=math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0),
+        ramp_segments=math.ceil(SETTLE_MS / segment_ms),
+        cut_segments=math.ceil(setup.turns * turn_ms / segment_ms),
+    )
+
+
+def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
+    """Return the text of the program that makes the tool follow `command` (um from the surface, infeed).
+
+    It starts with the tool retracted and the carriage clear of the part, and ends the same way.
+
+    Raises:
+        ProblemError: `program.too_fast`.
+    """
+    timing = pvt_timing(job, setup, command)
+    turns_per_ms = job.spindle_speed_rpm / 60_000.0
+    spindle = turns_per_ms * setup.counts_per_turn  # counts/ms
+    before_ms = HALF_RUN_UP_MS + timing.approach_ms
+    start_turns = (setup.spindle_start + spindle * before_ms) / setup.counts_per_turn
+    amplitude = command.amplitude_um / setup.tool_count_um
+    lobe_deg = 360.0 * command.lobes
+    number = format_number
+    values = {
+        "job": job.name,
+        "rpm": number(job.spindle_speed_rpm),
+        "hz": number(job.lobe_frequency_hz),
+        "error": f"{interpolation_error_um(command.amplitude_um, job.lobe_frequency_hz, timing.segment_ms):.4f}",
+        "mean": number(setup.surface + command.mean_um / setup.tool_count_um),
+        "amplitude": number(amplitude),
+        "step_deg": number(lobe_deg * turns_per_ms * timing.segment_ms),
+        "start_deg": number(math.fmod(lobe_deg * start_turns - command.lobes * command.crest_deg, 360.0)),
+        "slope": number(amplitude * 2.0 * math.pi * job.lobe_frequency_hz),
+        "spindle_step": number(spindle * timing.segment_ms),
+        "spindle_speed": number(1000.0 * spindle),
+        "feed_step": number(setup.carriage_per_turn * turns_per_ms * timing.segment_ms),
+        "feed_speed": number(1000.0 * setup.carriage_per_turn * turns_per_ms),
+        "out": number(setup.retracted),
+        "z": number(setup.carriage_start),
+        "spindle_start": number(setup.spindle_start),
+        "ramp": timing.ramp_segments,
+        "all": timing.ramp_segments + timing.cut_segments,
+        "before": number(spindle * before_ms),
+        "half": HALF_RUN_UP_MS,
+        "approach": timing.approach_ms,
+        "segment": timing.segment_ms,
+        "flag": FLAG,
+        "program": PROGRAM_NUMBER,
+    }
+    return _TEXT.format(**values)
+
+
+_TEXT = """\
+; {job}: the lobe at {hz} Hz as PVT segments of {segment} ms. x tool, y spindle, z carriage; all in counts.
+; Between the points the cubics are within {error} um of the sinusoid.
+P11={mean} ; tool at the mean depth
+P12={amplitude} ; amplitude of the command: the wanted one over the gain of the servo
+P13={step_deg} ; lobe angle of one segment, deg
+P14={start_deg} ; lobe angle at the start, ahead by the lag of the servo, deg
+P15={slope} ; greatest tool speed, counts/s
+P16={spindle_step} ; spindle counts in one segment
+P17={spindle_speed} ; spindle speed, counts/s: {rpm} rpm
+P18={feed_step} ; carriage counts in one segment
+P19={feed_speed} ; carriage speed, counts/s
+P20={out} ; tool retracted
+P21={z} ; carriage clear of the part
+P22={spindle_start} ; spindle at the start
+P23={all} ; segments up to the end of the cut
+P24={ramp} ; segments in which the amplitude grows
+P28={before} ; spindle counts before the first segment
+CLOSE
+OPEN PROG {program}
+CLEAR
+ABS
+{flag}=0 ; the host sets it to end the cut before its time
+PVT{half} ; the spindle runs up
+X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
+X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
+PVT{approach} ; the tool goes to its mean depth, clear of the part
+X(P11):0 Y(P22+P28):(P17) Z(P21):0
+PVT{segment} ; the amplitude grows
+P25=0
+P29=P21
+P33=0
+WHILE({flag}=0 AND P25<P24)
+P25=P25+1
+P26=P25/P24
+P27=P14+P13*P25
+X(P11+P12*P26*COS(P27)):(-P15*P26*SIN(P27)) Y(P22+P28+P16*P25):(P17) Z(P21):0
+ENDWHILE
+WHILE({flag}=0 AND P25<P23)
+P25=P25+1
+P27=P14+P13*P25
+P29=P21+P18*(P25-P24)
+P33=P19
+X(P11+P12*COS(P27)):(-P15*SIN(P27)) Y(P22+P28+P16*P25):(P17) Z(P29):(P19)
+ENDWHILE
+P30=P22+P28+P16*P25
+PVT{approach} ; the tool goes out, the carriage comes to rest
+X(P20):0 Y(P30+P17*{approach}/1000):(P17) Z(P29+P33*{approach}/3000):0
+P30=P30+P17*{approach}/1000
+PVT{half} ; the spindle runs down
+X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29+P33*{approach}/3000):0
+X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29+P33*{approach}/3000):0
+CLOSE
+"""

@@ -1,0 +1,55 @@
+"""Where the cut is on the machine, in the counts that a program speaks of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+APPROACH_MM = 0.5
+"""Free run in front of the part, in which the tool settles into its path before it meets the part."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutSetup:
+    """A job on a homed machine.
+
+    `surface` is the tool position (counts) at which the tip touches the blank; the axis of the tool counts
+    towards the work. `carriage_start` is clear of the part, `carriage_counts` the way from there to the end of
+    the cut. `spindle_start` is where the spindle stands when the program begins, in counts from its index.
+    """
+
+    surface: float
+    retracted: float
+    depth: float
+    carriage_start: float
+    carriage_counts: float
+    carriage_per_turn: float
+    spindle_start: float
+    counts_per_turn: int
+    tool_count_um: float
+
+    @property
+    def turns(self) -> float:
+        """Turns from the start of the feed to the end of the cut."""
+        return self.carriage_counts / self.carriage_per_turn
+
+
+def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0) -> CutSetup:
+    """Place a job on a machine by the machine's own geometry: tool radius at home, jaw faces, overhang."""
+    tool, carriage = machine.tool, machine.carriage
+    surface = (tool.home_radius_mm - job.radius_mm) * tool.counts_per_mm
+    face_mm = carriage.jaw_face_mm - job.overhang_mm
+    clear_mm = APPROACH_MM + 0.5 * tool.wiper_land_mm
+    return CutSetup(
+        surface=surface,
+        retracted=surface - tool.retract_mm * tool.counts_per_mm,
+        depth=job.depth_of_cut_mm * tool.counts_per_mm,
+        carriage_start=(face_mm - clear_mm) * carriage.counts_per_mm,
+        carriage_counts=(clear_mm + job.cut_length_mm) * carriage.counts_per_mm,
+        carriage_per_turn=job.feed_mm_per_rev * carriage.counts_per_mm,
+        spindle_start=spindle_start,
+        counts_per_turn=machine.spindle.counts_per_rev,
+        tool_count_um=tool.count_um,
+    )
