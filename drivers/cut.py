@@ -74,7 +74,12 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int =
         text = pvt_program(job, setup, command)
         tool_start = setup.retracted
     program = read_program(text)
-    checked = run_through(program, settings_of(machine), read_definitions(machine.controller.axis_definitions), _start(machine, setup, tool_start))
+    checked = run_through(
+        program,
+        settings_of(machine),
+        read_definitions(machine.controller.axis_definitions),
+        _start(machine, setup, tool_start),
+    )
     loop = _steady_moves(program, checked)
     speed_rpm = _speed_rpm(loop, checked, machine)
     return CutPlan(
@@ -199,4 +204,3 @@ def _warning(code: str, key: str, value: str, limit: str) -> Finding:
 
 def _refusal(code: str, key: str, value: str, limit: str) -> Finding:
     return Finding(severity=Severity.REFUSAL, problem=Problem(code=code, key=key, value=value, limit=limit))
-

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
@@ -184,7 +185,7 @@ class Lathe:
         """
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
             self._move(f"#{self._motors[axis]}HM")
-            self._wait(lambda s, axis=axis: _arrived(s, axis, "home_complete"), timeout_s, f"home {axis}")
+            self._wait(partial(_arrived, axis=axis, flag="home_complete"), timeout_s, f"home {axis}")
 
     def jog_to(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
         """Jog one axis to a position in counts of its motor.
@@ -193,7 +194,7 @@ class Lathe:
             DriverError: `machine.timeout` or `machine.fault`.
         """
         self._move(f"#{self._motors[axis]}J={format_number(counts)}")
-        self._wait(lambda s: _arrived(s, axis, "in_position"), timeout_s, f"jog {axis}")
+        self._wait(partial(_arrived, axis=axis, flag="in_position"), timeout_s, f"jog {axis}")
 
     def load(self, program: ProgramText) -> None:
         """Send a program, read it back and compare.
@@ -244,7 +245,9 @@ class Lathe:
         while True:
             self._clock.wait(STOP_REPEAT_S)
             snapshot = self.snapshot()
-            still = all(abs(a.position - b.position) <= 1.0 for a, b in zip(snapshot.axes, before.axes, strict=True))
+            still = all(
+                abs(a.position - b.position) <= 1.0 for a, b in zip(snapshot.axes, before.axes, strict=True)
+            )
             if snapshot.at_rest and still:
                 return snapshot
             if self._clock.now_s() > deadline:

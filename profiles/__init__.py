@@ -1,0 +1,1 @@
+"""The profile of the workpiece: described, distorted, compensated, measured. Numbers in, numbers out."""

@@ -1,0 +1,1 @@
+"""The sequence of a job, with its interlocks and records; knows no screen and no argument parser."""

@@ -1,0 +1,1 @@
+"""Every sentence that the console says, in English and Korean."""

@@ -1,0 +1,1 @@
+"""The Delta Tau PMAC: its language, its trajectories, its replies. Knows no simulator."""

@@ -63,9 +63,7 @@ class PmacClient:
         reply = self._reply(line, timeout_s)
         if reply.error_number is not None:
             raise ControllerError(
-                Problem(
-                    code=f"controller.err{reply.error_number:03d}", where=self.link.address, value=line
-                ),
+                Problem(code=f"controller.err{reply.error_number:03d}", where=self.link.address, value=line),
                 error_number=reply.error_number,
             )
         return reply.lines
@@ -100,9 +98,7 @@ class PmacClient:
         try:
             return tuple(float(value) for value in values)
         except ValueError as error:
-            raise LinkError(
-                Problem(code="link.out_of_step", where=self.link.address, value=str(error))
-            ) from error
+            raise LinkError(Problem(code="link.out_of_step", where=self.link.address, value=str(error))) from error
 
     def download(self, lines: Iterable[str]) -> None:
         """Send program lines one by one; the first refusal ends it, with the buffer closed again.
@@ -137,9 +133,7 @@ class PmacClient:
                 self.link.send(FLUSH)
                 self._drain()
                 raise LinkTimeoutError(
-                    Problem(
-                        code="link.silent", where=self.link.address, key=line, value=f"{timeout_s:g} s"
-                    )
+                    Problem(code="link.silent", where=self.link.address, key=line, value=f"{timeout_s:g} s")
                 )
             self._buffer += self.link.receive(left)
 

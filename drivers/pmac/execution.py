@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.evaluate import compile_condition, compile_expression
+from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
 from drivers.pmac.language.structure import Code
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.trajectory.linear import MOVE_TIME_MAX_MS
@@ -86,8 +86,12 @@ class ProgramRun:
         modes: Modes,
         positions: Mapping[str, float],
         system: int = 1,
+        strict: bool = True,
     ) -> None:
-        """`positions` are the commanded positions of the defined axes at the start, in user units."""
+        """`positions` are the commanded positions of the defined axes at the start, in user units.
+
+        `strict` makes illegal arithmetic an error, as a checker wants it; the card calculates on.
+        """
         self.line = 0
         self._code = code
         self._variables = variables
@@ -95,6 +99,7 @@ class ProgramRun:
         self._positions = dict(positions)
         self._system = system
         self._degrees = variables.i(15) == 0
+        self._strict = strict
         self._counter = 0
         self._jumps_back = 0
         self._steps = [self._compile(index) for index in range(len(code.instructions))]
@@ -140,9 +145,12 @@ class ProgramRun:
             case syntax.EndIf():
                 return _nothing
 
+    def _expression(self, expression: syntax.Expression) -> Value:
+        return compile_expression(expression, self._degrees, strict=self._strict)
+
     def _assign(self, statement: syntax.Assign) -> Callable[[], None]:
-        value = compile_expression(statement.value, self._degrees)
-        index = compile_expression(statement.target.index, self._degrees)
+        value = self._expression(statement.value)
+        index = self._expression(statement.target.index)
         kind, variables = statement.target.kind, self._variables
 
         def step() -> None:
@@ -151,7 +159,7 @@ class ProgramRun:
         return step
 
     def _set(self, statement: syntax.Set) -> Callable[[], None]:
-        value = compile_expression(statement.value, self._degrees)
+        value = self._expression(statement.value)
         word = statement.word
 
         def step() -> None:
@@ -194,8 +202,8 @@ class ProgramRun:
         words = [
             (
                 word.axis,
-                compile_expression(word.value, self._degrees),
-                compile_expression(word.velocity, self._degrees) if word.velocity is not None else None,
+                self._expression(word.value),
+                self._expression(word.velocity) if word.velocity is not None else None,
             )
             for word in statement.words
         ]
@@ -245,7 +253,7 @@ class ProgramRun:
         return min(distance / value * (self._modal(90) or 1000.0), MOVE_TIME_MAX_MS)
 
     def _wait(self, statement: syntax.Wait) -> Callable[[], Request]:
-        duration = compile_expression(statement.duration_ms, self._degrees)
+        duration = self._expression(statement.duration_ms)
 
         def step() -> Request:
             duration_ms = max(0.0, duration(self._variables))
@@ -256,7 +264,7 @@ class ProgramRun:
         return step
 
     def _branch(self, condition: syntax.Condition, otherwise: int) -> Callable[[], None]:
-        holds = compile_condition(condition, self._degrees)
+        holds = compile_condition(condition, self._degrees, strict=self._strict)
 
         def step() -> None:
             if not holds(self._variables):

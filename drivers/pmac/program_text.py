@@ -52,9 +52,7 @@ def read_program(text: str) -> ProgramText:
             (program if opened else settings).append(_parsed(line, place))
     if not number:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
-    return ProgramText(
-        number=number, settings=tuple(settings), program=tuple(program), lines=tuple(sent)
-    )
+    return ProgramText(number=number, settings=tuple(settings), program=tuple(program), lines=tuple(sent))
 
 
 def _parsed(line: str, place: int) -> Line:

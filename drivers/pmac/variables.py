@@ -12,7 +12,7 @@ HIGHEST_INDEX = 1023
 
 
 def motor_variable(motor: int, number: int) -> int:
-    """Return the index of Ix`number` of motor x: motor_variable(2, 16) is 216."""
+    """Return the index of Ix`number` of motor x: 216 for number 16 of motor 2."""
     return 100 * motor + number
 
 

@@ -1,0 +1,1 @@
+"""A PMAC in software, with a lathe and a workpiece behind it."""

@@ -98,7 +98,7 @@ def _variable(scanner: Scanner, context: Context) -> bool:
     indices = _indices(scanner, first)
     variables = context.controller.variables
     if scanner.accept("="):
-        value = evaluate(parse_expression(scanner), variables, degrees=variables.i(15) == 0)
+        value = evaluate(parse_expression(scanner), variables, degrees=variables.i(15) == 0, strict=False)
         for index in indices:
             variables.set(VariableKind(kind), index, value)
         return True
@@ -109,7 +109,7 @@ def _variable(scanner: Scanner, context: Context) -> bool:
 def _parenthesised(scanner: Scanner, context: Context) -> float:
     variables = context.controller.variables
     scanner.expect("(")
-    value = evaluate(parse_expression(scanner), variables, degrees=variables.i(15) == 0)
+    value = evaluate(parse_expression(scanner), variables, degrees=variables.i(15) == 0, strict=False)
     scanner.expect(")")
     return value
 

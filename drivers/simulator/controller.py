@@ -53,12 +53,9 @@ class Controller:
         """`servo_period_ms` is the true rate of the hardware; I10 only tells the card about it."""
         self.servo_period_ms = servo_period_ms
         self.variables = VariableStore(i_variables)
-        self.motors = {
-            number: Motor(number, self.variables, axis, home) for number, (axis, home) in axes.items()
-        }
+        self.motors = {number: Motor(number, self.variables, axis, home) for number, (axis, home) in axes.items()}
         self.systems = {
-            number: CoordinateSystem(number, self.variables, self.motors)
-            for number in range(1, SYSTEM_COUNT + 1)
+            number: CoordinateSystem(number, self.variables, self.motors) for number in range(1, SYSTEM_COUNT + 1)
         }
         for definition in definitions:
             self.systems[1].define(definition.motor, definition)
@@ -91,9 +88,7 @@ class Controller:
             if system.moving:
                 commands.update(system.sample(cycles, cycle_ms))
         self.cycles += cycles
-        return {
-            number: motor.run(cycles, cycle_ms, commands.get(number)) for number, motor in self.motors.items()
-        }
+        return {number: motor.run(cycles, cycle_ms, commands.get(number)) for number, motor in self.motors.items()}
 
     def background(self) -> None:
         """Check following errors, as the card does between two servo interrupts and in no fixed time."""

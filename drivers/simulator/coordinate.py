@@ -63,7 +63,7 @@ class CoordinateSystem:
             raise PmacError(ErrorCode.OPEN_LOOP, f"&{self.number}")
         desired = {motor.number: motor.desired for motor in motors}
         positions = axis_positions(self.definitions, desired)
-        run = ProgramRun(code, self._variables, self.modes, positions, self.number)
+        run = ProgramRun(code, self._variables, self.modes, positions, self.number, strict=False)
         ordered = tuple(self.definitions[motor.number] for motor in motors)
         start = tuple(desired[motor.number] for motor in motors)
         self._planner = MotionPlanner(run, ordered, self._variables, start, self.number)

@@ -53,7 +53,10 @@ class SimulatedLathe:
             machine.carriage.motor: (carriage, HomeSensor()),
         }
         self.controller = Controller(
-            variables, axes, read_definitions(machine.controller.axis_definitions), machine.controller.servo_period_ms
+            variables,
+            axes,
+            read_definitions(machine.controller.axis_definitions),
+            machine.controller.servo_period_ms,
         )
         self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
         self._gains_revision = self.controller.variables.i_revision
@@ -154,4 +157,3 @@ def _gains(motor: int, variable: MotorVariable) -> ServoGains:
         ix35=variable(motor, 35),
         ix69=variable(motor, 69),
     )
-

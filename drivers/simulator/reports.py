@@ -58,9 +58,7 @@ def system_status(controller: Controller, number: int) -> str:
         "runtime_error": system.runtime_error,
         "fatal_following_error": any(motor.fatal_error for motor in motors),
         "warning_following_error": any(_warning(motor) for motor in motors),
-        "in_position": bool(motors)
-        and not system.moving
-        and all(motor.in_position for motor in motors),
+        "in_position": bool(motors) and not system.moving and all(motor.in_position for motor in motors),
         "pvt_or_spline": system.modes.mode == "PVT",
         "rapid": system.modes.mode == "PVT",
     }

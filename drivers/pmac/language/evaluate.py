@@ -38,9 +38,7 @@ Value = Callable[[Variables], float]
 Truth = Callable[[Variables], bool]
 
 
-def evaluate(
-    expression: Expression, variables: Variables, degrees: bool = True, *, strict: bool = True
-) -> float:
+def evaluate(expression: Expression, variables: Variables, degrees: bool = True, *, strict: bool = True) -> float:
     """Return the value of an expression, see `compile_expression`."""
     return compile_expression(expression, degrees, strict=strict)(variables)
 

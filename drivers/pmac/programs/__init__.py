@@ -1,0 +1,1 @@
+"""Motion programs that make a cut."""

@@ -60,8 +60,7 @@ def ramp(
         if duration_ms <= 0.0:
             continue
         cubics = tuple(
-            (p, v, a / 2.0, j / 6.0)
-            for p, v, a, j in zip(position, velocity, acceleration, slope, strict=True)
+            (p, v, a / 2.0, j / 6.0) for p, v, a, j in zip(position, velocity, acceleration, slope, strict=True)
         )
         pieces.append(Piece(duration_ms, cubics, calculates=calculates and not pieces))
         position = tuple(position_at(cubic, duration_ms) for cubic in cubics)

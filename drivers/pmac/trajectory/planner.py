@@ -111,9 +111,7 @@ class MotionPlanner:
             self._end_pvt()
         target = self._counts(request.targets)
         distance = tuple(t - p for t, p in zip(target, self._blend.target, strict=True))
-        move = LinearMove(
-            distance=distance, ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=request.tm_ms
-        )
+        move = LinearMove(distance=distance, ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=request.tm_ms)
         pieces, self._blend, timing = lay(self._blend, move, self._limits())
         asked = Timing(ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=request.tm_ms)
         record = MoveRecord(line=request.line, target=target, asked=asked, timing=timing)

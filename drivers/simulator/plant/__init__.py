@@ -1,0 +1,1 @@
+"""The iron: axes, workpiece and gauge."""

@@ -55,7 +55,7 @@ class Workpiece:
         self._tail: Floats = np.empty((3, 0))
 
     def cut(self, radius_mm: Sequence[float], turns: Sequence[float], z_mm: Sequence[float]) -> None:
-        """Let the tool tip pass: its radius, the spindle's turns since the index, its Z, one servo cycle apart."""
+        """Let the tool tip pass: radius, spindle turns since the index and Z, one servo cycle apart."""
         self._pending.append((radius_mm, turns, z_mm))
         self._count += len(radius_mm)
         if self._count >= CHUNK:
@@ -64,7 +64,7 @@ class Workpiece:
     def released_um(self, section: int, nominal_radius_mm: float) -> tuple[Floats, Floats]:
         """Return angles (deg, from the spindle index) and deviations (um, outward) of a section when free."""
         self._settle()
-        angle_deg = np.arange(ANGLES) * (360.0 / ANGLES)
+        angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
         clamped_um = (self._radius_mm[section] - nominal_radius_mm) * 1000.0
         return angle_deg, clamped_um + self.blank.spring_back_um(angle_deg)
 

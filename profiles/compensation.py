@@ -1,0 +1,111 @@
+"""From the lobe of a job to the motion of the tool: Eqs 4, 6 to 8, 10 and 11 for any number of jaws.
+
+Angles are spindle angles in degrees. Motion and depth are in um, positive into the workpiece. Deviations of
+the released part are positive where it is high. The rule does not ask where the lobe comes from: the tool
+moves in where the finished part would stand high.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.job import Job
+from profiles.problem import Problem, ProfileError
+
+# Below this the inverse would command more than twenty times the wanted amplitude.
+SMALLEST_RESPONSE = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sinusoid:
+    """mean + amplitude cos(lobes (angle - crest)): `lobes` waves in a turn, a crest at `crest_deg`."""
+
+    mean_um: float
+    amplitude_um: float
+    lobes: int
+    crest_deg: float
+
+    def at_um(self, angle_deg: ArrayLike) -> NDArray[np.float64]:
+        """Return the values at spindle angles, in the shape of `angle_deg`."""
+        angle = np.asarray(angle_deg, dtype=np.float64)
+        wave = np.cos(self.lobes * np.radians(angle - self.crest_deg))
+        return np.asarray(self.mean_um + self.amplitude_um * wave, dtype=np.float64)
+
+
+def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:
+    """Eq 4: V = 60 f / N, which is 20 f for three jaws."""
+    return 60 * lobe_frequency_hz / jaws
+
+
+def lobe_frequency_hz(spindle_speed_rpm: float, jaws: int) -> float:
+    """Eq 4 the other way round: f = N V / 60."""
+    return jaws * spindle_speed_rpm / 60
+
+
+def removed_depth_um(
+    angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
+) -> NDArray[np.float64]:
+    """Eq 6: A0 + A1 sin(N angle) - B1 cos(N angle), the depth that a plain cut takes; Eq 7 with B1 = 0.
+
+    Eqs 10a and 10b are (100, 27.5) and (60, 16.5): amplitudes, half of the measured 55 and 33 um.
+    """
+    wave = jaws * np.radians(np.asarray(angle_deg, dtype=np.float64))
+    return np.asarray(a0_um + a1_um * np.sin(wave) - b1_um * np.cos(wave), dtype=np.float64)
+
+
+def compensated_depth_um(
+    angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
+) -> NDArray[np.float64]:
+    """Eq 8: A0 - A1 sin(N angle) + B1 cos(N angle), the tool path against `removed_depth_um` (Eqs 11)."""
+    return removed_depth_um(angle_deg, a0_um=a0_um, a1_um=-a1_um, b1_um=-b1_um, jaws=jaws)
+
+
+def free_state_lobe(job: Job) -> Sinusoid:
+    """Return the deviation of the released part after a plain cut: high at jaw 1, mean 0."""
+    return Sinusoid(mean_um=0.0, amplitude_um=job.lobe_amplitude_um, lobes=job.jaws, crest_deg=job.lobe_phase_deg)
+
+
+def wanted_path(job: Job) -> Sinusoid:
+    """Return the path that the tool tip must really take: the depth of cut plus the free-state lobe."""
+    return replace(free_state_lobe(job), mean_um=1000 * job.depth_of_cut_mm)
+
+
+def free_state_lobe_um(job: Job, angle_deg: ArrayLike) -> NDArray[np.float64]:
+    """Return (E/2) cos N(angle - jaw 1), in the shape of `angle_deg`."""
+    return free_state_lobe(job).at_um(angle_deg)
+
+
+def wanted_path_um(job: Job, angle_deg: ArrayLike) -> NDArray[np.float64]:
+    """Return depth + (E/2) cos N(angle - jaw 1), infeed positive, in the shape of `angle_deg`."""
+    return wanted_path(job).at_um(angle_deg)
+
+
+def invert(wanted: Sinusoid, response: complex) -> Sinusoid:
+    """Return the command that makes an axis of this response follow `wanted`.
+
+    `response` is T(j w) at the lobe frequency, from command to position. The amplitude is divided by |T|, the
+    crest comes earlier by -arg T of the lobe, a Nth of that in spindle angle. The mean passes unchanged
+    (T(0) = 1). Raises `ProfileError` (`response.too_small`) where the axis hardly moves.
+    """
+    gain = abs(response)
+    if not math.isfinite(gain) or gain < SMALLEST_RESPONSE:
+        raise ProfileError(
+            Problem(code="response.too_small", value=f"{gain:.3g}", limit=f">= {SMALLEST_RESPONSE:g}")
+        )
+    crest_deg = wanted.crest_deg + math.degrees(cmath.phase(response)) / wanted.lobes
+    return replace(wanted, amplitude_um=wanted.amplitude_um / gain, crest_deg=crest_deg)
+
+
+def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
+    """Return E |1 - c|: what is left of the lobe E when the tool makes c times the wanted motion."""
+    return error_um_pp * abs(1 - compensation)
+
+
+def misalignment(angle_deg: float, jaws: int) -> complex:
+    """Return the compensation c of a path that lags by `angle_deg` of spindle: exp(-j N angle)."""
+    return cmath.exp(-1j * jaws * math.radians(angle_deg))

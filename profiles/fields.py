@@ -1,0 +1,214 @@
+"""A table of fields, and the strict reading of a TOML table against it.
+
+Both profiles (job and machine) are lists of `Field`. Reading collects every problem before it gives up, so
+that a file is corrected once. Nothing is guessed: a truth value is not a number, a text is not a number, and
+3.0 is not a whole number.
+
+Problem codes: `key.unknown`, `key.missing`, `key.twice`, `value.not_number`, `value.not_whole`,
+`value.not_text`, `value.not_choice`, `value.not_finite`, `value.out_of_range`, `schema.unsupported`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import islice
+from typing import Any
+
+from profiles.files import printable
+from profiles.problem import Problem
+
+SCHEMA = 1
+TEXT_CAP_CHARACTERS = 80
+_DEPTH_CAP_TABLES = 8
+# More than these in one file mean that it is some other file.
+_UNKNOWN_CAP = 20
+
+
+class Kind(StrEnum):
+    """What a field holds. TEXTS is a list of texts."""
+
+    NUMBER = "number"
+    WHOLE = "whole"
+    TEXT = "text"
+    CHOICE = "choice"
+    TEXTS = "texts"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """One key: its kind and what it may hold.
+
+    `above` is an exclusive lower bound, `at_least` an inclusive one, `at_most` an inclusive upper one, all in
+    `unit`. A field with a `default` may be missing. `table` is where a newly written file puts the key.
+    `choices` are the words of a CHOICE, and of a TEXTS field the only members allowed.
+    """
+
+    key: str
+    kind: Kind = Kind.NUMBER
+    unit: str = ""
+    above: float | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+    choices: tuple[str, ...] = ()
+    default: object = None
+    table: str = ""
+
+    @property
+    def required(self) -> bool:
+        """Whether the key must be there."""
+        return self.default is None
+
+    @property
+    def limit(self) -> str:
+        """What is allowed, as text with its unit: "> 0, <= 500 mm" or "measured | fitted"."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if self.kind in (Kind.TEXT, Kind.TEXTS):
+            return f"<= {TEXT_CAP_CHARACTERS} characters, one line"
+        bounds = (("> ", self.above), (">= ", self.at_least), ("<= ", self.at_most))
+        return " ".join(filter(None, (", ".join(f"{s}{b:g}" for s, b in bounds if b is not None), self.unit)))
+
+
+def read_fields(
+    fields: Sequence[Field], found: Mapping[str, object], *, where: str, prefix: str = ""
+) -> tuple[dict[str, Any], list[Problem]]:
+    """Return the values (numbers as float, whole numbers as int, defaults filled in) and every problem.
+
+    `prefix` is put before the key in the problems, such as "tool.".
+    """
+    known = {field.key: field for field in fields}
+    problems = unknown_keys(found, known, where=where, prefix=prefix)
+    values: dict[str, Any] = {}
+    for field in fields:
+        key = prefix + field.key
+        if field.key not in found:
+            if field.required:
+                problems.append(Problem(code="key.missing", where=where, key=key, limit=field.limit))
+            values[field.key] = field.default
+            continue
+        value = found[field.key]
+        code = fault(field, value)
+        if code:
+            problems.append(Problem(code=code, where=where, key=key, value=spelled(value), limit=field.limit))
+        else:
+            values[field.key] = _converted(field, value)
+    return values, problems
+
+
+def fault(field: Field, value: object) -> str:
+    """Return the problem code of `value` in `field`, or "" where it may stand."""
+    if field.kind is Kind.TEXTS:
+        return _fault_of_texts(field, value)
+    if field.kind is Kind.TEXT:
+        return "" if _is_text(value, may_be_empty=not field.required) else "value.not_text"
+    if field.kind is Kind.CHOICE:
+        return "" if isinstance(value, str) and value in field.choices else "value.not_choice"
+    if field.kind is Kind.WHOLE and (isinstance(value, bool) or not isinstance(value, int)):
+        return "value.not_whole"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return "value.not_number"
+    if isinstance(value, float) and not math.isfinite(value):
+        return "value.not_finite"
+    low = (field.above is not None and value <= field.above) or (
+        field.at_least is not None and value < field.at_least
+    )
+    return "value.out_of_range" if low or (field.at_most is not None and value > field.at_most) else ""
+
+
+def flatten(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, object], list[Problem]]:
+    """Return the leaves of nested tables under their last key, and a problem for each key met twice."""
+    places: dict[str, list[str]] = {}
+    leaves: dict[str, object] = {}
+    problems: list[Problem] = []
+    for place, key, value in _leaves(table):
+        full = ".".join((*place, key))
+        if len(place) >= _DEPTH_CAP_TABLES:
+            problems.append(
+                Problem(code="key.unknown", where=where, key=printable(full), limit=f"<= {len(place)} tables")
+            )
+            continue
+        places.setdefault(key, []).append(full)
+        leaves.setdefault(key, value)
+    for key, met in places.items():
+        if len(met) > 1:
+            value = printable(", ".join(met))
+            problems.append(Problem(code="key.twice", where=where, key=printable(key), value=value))
+    return leaves, problems[:_UNKNOWN_CAP]
+
+
+def schema_problem(table: Mapping[str, Any], *, where: str) -> Problem | None:
+    """Return the refusal of a file written for another schema; a file without the key is of schema 1."""
+    value = table.get("schema", SCHEMA)
+    if type(value) is int and value == SCHEMA:
+        return None
+    return Problem(code="schema.unsupported", where=where, key="schema", value=spelled(value), limit=str(SCHEMA))
+
+
+def unknown_keys(
+    found: Iterable[str], known: Mapping[str, object], *, where: str, prefix: str = ""
+) -> list[Problem]:
+    """Return the refusals of the keys that are not known, a screenful of them at most.
+
+    The limit is the nearest known key, or all of them.
+    """
+    problems = []
+    for key in islice((key for key in found if key not in known), _UNKNOWN_CAP):
+        near = difflib.get_close_matches(key[:TEXT_CAP_CHARACTERS], known, n=1)
+        limit = prefix + near[0] if near else " | ".join(known)
+        shown = prefix + printable(key)
+        problems.append(Problem(code="key.unknown", where=where, key=shown, limit=limit))
+    return problems
+
+
+def spelled(value: object) -> str:
+    """Return `value` as TOML spells it, on one line and cut to 60 characters."""
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    elif isinstance(value, int):
+        # Beyond 4300 digits Python refuses to write an integer in decimal.
+        text = str(value) if value.bit_length() < 4000 else hex(value)
+    elif isinstance(value, str):
+        text = '"' + value[:80].replace("\\", "\\\\").replace('"', '\\"') + '"'
+    elif isinstance(value, list | tuple):
+        text = "[" + ", ".join(spelled(item) for item in value[:4]) + (", …]" if len(value) > 4 else "]")
+    elif isinstance(value, dict):
+        text = "{" + ", ".join(str(key) for key in list(value)[:4]) + "}"
+    else:
+        text = str(value)
+    return printable(text, 60)
+
+
+def _converted(field: Field, value: Any) -> object:
+    if field.kind is Kind.NUMBER:
+        return float(value)
+    return tuple(value) if field.kind is Kind.TEXTS else value
+
+
+def _is_text(value: object, *, may_be_empty: bool) -> bool:
+    if not isinstance(value, str) or not value.isprintable() or len(value) > TEXT_CAP_CHARACTERS:
+        return False
+    return may_be_empty or bool(value.strip())
+
+
+def _fault_of_texts(field: Field, value: object) -> str:
+    if not isinstance(value, list | tuple) or not all(_is_text(item, may_be_empty=False) for item in value):
+        return "value.not_text"
+    strange = field.choices and not set(value) <= set(field.choices)
+    return "value.not_choice" if strange else ""
+
+
+def _leaves(table: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str, object]]:
+    """Walk nested tables in their order; a table at the depth cap counts as a leaf."""
+    waiting: list[tuple[tuple[str, ...], str, object]] = [((), key, value) for key, value in table.items()]
+    waiting.reverse()
+    while waiting:
+        place, key, value = waiting.pop()
+        if isinstance(value, dict) and len(place) < _DEPTH_CAP_TABLES:
+            inner = [((*place, key), name, item) for name, item in value.items()]
+            waiting.extend(reversed(inner))
+        else:
+            yield place, key, value

@@ -1,0 +1,154 @@
+"""The only door between this package and the disk: regular files in, regular files out.
+
+A path may name anything: a folder, a pipe that nobody writes to, an endless device. Each of these becomes
+one `Problem`, none of them blocks. Writing replaces a file in one step, so that a reader (or a power cut)
+meets the old bytes or the new ones and never half of them.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from profiles.problem import Problem, ProfileError
+
+TOML_CAP_BYTES = 1_000_000
+# Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
+TOML_LINE_CAP_CHARACTERS = 4096
+TOML_LINE_CAP_DOTS = 100
+
+
+def printable(text: str, most_characters: int = 200) -> str:
+    """Return `text` on one line, with control characters escaped and the rest beyond the cap cut off."""
+    cut = text if len(text) <= most_characters else text[: most_characters - 1] + "…"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in cut)
+
+
+def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> bytes:
+    """Return the bytes of a regular file.
+
+    Raises `ProfileError` with `<area>.unreadable` (missing, forbidden, or not a regular file) or
+    `<area>.too_large` (more than `cap_bytes`).
+    """
+    where = printable(str(path))
+    try:
+        # Asked before opening, because opening some devices already does something.
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise OSError(errno.EINVAL, "not a regular file")
+        # Not blocking: between the question and the opening the name may have become a pipe.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with os.fdopen(descriptor, "rb") as file:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise OSError(errno.EINVAL, "not a regular file")
+            content = file.read(cap_bytes + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ProfileError(Problem(code=f"{area}.unreadable", where=where, value=reason)) from error
+    if len(content) > cap_bytes:
+        value = f"> {cap_bytes} bytes"
+        raise ProfileError(
+            Problem(code=f"{area}.too_large", where=where, value=value, limit=f"<= {cap_bytes} bytes")
+        )
+    return content
+
+
+def parse_toml(content: bytes, where: str) -> dict[str, Any]:
+    """Return the table in `content` (UTF-8, with or without a byte order mark).
+
+    Raises `ProfileError` with `file.not_toml`; its limit says where and what, on one line.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+        for number, line in enumerate(text.split("\n"), start=1):
+            if len(line) > TOML_LINE_CAP_CHARACTERS:
+                raise ValueError(f"line {number} > {TOML_LINE_CAP_CHARACTERS} characters")
+            if line.count(".") > TOML_LINE_CAP_DOTS and not line.lstrip().startswith("#"):
+                raise ValueError(f"line {number} > {TOML_LINE_CAP_DOTS} dots")
+        return tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        row, column = _line_and_column(content, error.start)
+        detail = f"not UTF-8 (at line {row}, column {column})"
+    except RecursionError:
+        detail = "nested too deeply"
+    except ValueError as error:  # tomllib.TOMLDecodeError is one; an integer of 5000 digits is another
+        detail = str(error)
+    raise ProfileError(Problem(code="file.not_toml", where=where, limit=printable(detail)))
+
+
+def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:
+    """Return the bytes of a TOML file and the table in them, or raise `ProfileError` (`file.*`)."""
+    content = read_regular_file(path, cap_bytes=TOML_CAP_BYTES)
+    return content, parse_toml(content, printable(str(path)))
+
+
+def write_atomically(path: Path, content: bytes, *, overwrite: bool) -> None:
+    """Put `content` under `path` in one step, through a synchronised temporary file beside it.
+
+    A symbolic link is followed, so the link stays. Raises `ProfileError` with `file.exists` (and
+    `overwrite` is false) or `file.not_writable`.
+    """
+    where = printable(str(path))
+    temporary: Path | None = None
+    try:
+        target = path.resolve()
+        beside = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+        mode = _mode_of_existing(target)
+        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        temporary = beside
+        with os.fdopen(descriptor, "wb") as file:
+            if mode is not None:
+                os.fchmod(file.fileno(), mode)
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        _move(temporary, target, overwrite=overwrite)
+        _synchronise_folder(target.parent)
+    except FileExistsError as error:
+        raise ProfileError(Problem(code="file.exists", where=where)) from error
+    except (OSError, ValueError, RuntimeError) as error:  # RuntimeError: a loop of symbolic links
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=reason)) from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+def _line_and_column(content: bytes, offset: int) -> tuple[int, int]:
+    before = content[:offset]
+    return before.count(b"\n") + 1, offset - (before.rfind(b"\n") + 1) + 1
+
+
+def _mode_of_existing(target: Path) -> int | None:
+    try:
+        status = os.stat(target)
+    except FileNotFoundError:
+        return None
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file")
+    return stat.S_IMODE(status.st_mode)
+
+
+def _move(temporary: Path, target: Path, *, overwrite: bool) -> None:
+    if not overwrite:
+        try:
+            os.link(temporary, target)  # fails if the name is taken, in the same instant
+            return
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without hard links
+            if target.exists():
+                raise FileExistsError(errno.EEXIST, "exists", str(target)) from None
+    os.replace(temporary, target)
+
+
+def _synchronise_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,108 @@
+"""The job: one part, how it is held, how it is cut, and the lobe that is to be taken away.
+
+Plain values and their limits, no arithmetic beyond Eq 4 of Lee & Lee (2001). A job file is TOML; its keys
+may stand at the top or inside any tables, each key once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
+from profiles.problem import ProfileError
+
+LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A part in a chuck, as the operator describes it (compare Table 6 of the paper).
+
+    A wall equal to the radius is a solid bar. `overhang_mm` is the length in front of the jaw faces.
+    `chucking_force_n` is the total over all jaws, at rest. `depth_of_cut_mm` is on the radius.
+    `lobe_error_um_pp` is the free-state error, peak to peak, that a plain cut leaves (the 55 and 33 um of the
+    paper); the released part is high at spindle angle `lobe_phase_deg`, the angle of jaw 1.
+    `assumed` names the keys whose values the source does not give.
+    """
+
+    name: str
+    material: str
+    diameter_mm: float
+    wall_thickness_mm: float
+    overhang_mm: float
+    jaws: int
+    chucking_force_n: float
+    depth_of_cut_mm: float
+    feed_mm_per_rev: float
+    spindle_speed_rpm: float
+    cut_length_mm: float
+    lobe_error_um_pp: float
+    lobe_phase_deg: float
+    lobe_error_source: str
+    roundness_tolerance_um: float
+    assumed: tuple[str, ...] = ()
+    source: str = ""
+    schema: int = 1
+
+    @property
+    def radius_mm(self) -> float:
+        """Half of the diameter."""
+        return self.diameter_mm / 2
+
+    @property
+    def lobe_amplitude_um(self) -> float:
+        """Half of the peak-to-peak error: A1 of Eq 7."""
+        return self.lobe_error_um_pp / 2
+
+    @property
+    def lobe_frequency_hz(self) -> float:
+        """Eq 4 for any number of jaws: f = N rpm / 60."""
+        return self.jaws * self.spindle_speed_rpm / 60
+
+
+def _number(key: str, table: str, unit: str, at_most: float) -> Field:
+    return Field(key=key, table=table, unit=unit, above=0, at_most=at_most)
+
+
+_CONTENT = (
+    Field(key="name", kind=Kind.TEXT),
+    Field(key="material", kind=Kind.TEXT, table="workpiece"),
+    _number("diameter_mm", "workpiece", "mm", 500),
+    _number("wall_thickness_mm", "workpiece", "mm", 250),
+    _number("overhang_mm", "workpiece", "mm", 1000),
+    Field(key="jaws", kind=Kind.WHOLE, table="chuck", at_least=2, at_most=12),
+    _number("chucking_force_n", "chuck", "N", 100_000),
+    _number("depth_of_cut_mm", "cut", "mm", 5),
+    _number("feed_mm_per_rev", "cut", "mm/rev", 1),
+    _number("spindle_speed_rpm", "cut", "rpm", 5000),
+    _number("cut_length_mm", "cut", "mm", 1000),
+    Field(key="lobe_error_um_pp", table="lobe", unit="um", at_least=0, at_most=1000),
+    Field(key="lobe_phase_deg", table="lobe", unit="deg", at_least=-360, at_most=360),
+    Field(key="lobe_error_source", kind=Kind.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
+    _number("roundness_tolerance_um", "lobe", "um", 1000),
+)
+
+JOB_FIELDS: tuple[Field, ...] = (
+    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
+    *_CONTENT,
+    Field(key="source", kind=Kind.TEXT, default=""),
+    Field(key="assumed", kind=Kind.TEXTS, default=(), choices=tuple(field.key for field in _CONTENT)),
+)
+"""Every key of a job with its limits, in the order in which a form or a file shows them."""
+
+
+def job_from_table(table: Mapping[str, Any], *, where: str = "") -> Job:
+    """Return the job in a TOML table (or in the values of a form).
+
+    Raises `ProfileError` with every problem of the table; `where` is the file as the operator named it.
+    """
+    leaves, problems = flatten(table, where=where)
+    if refusal := schema_problem(leaves, where=where):
+        # The rest would be judged by the rules of the wrong schema.
+        raise ProfileError(refusal)
+    values, found = read_fields(JOB_FIELDS, leaves, where=where)
+    if problems or found:
+        raise ProfileError(*problems, *found)
+    return Job(**values)

@@ -1,0 +1,222 @@
+"""The machine profile: what the lathe, its drives and its chuck are, in mechanical and electrical units.
+
+Data alone. The settings of the controller are carried as a mapping from variable name to value and are not
+interpreted here, except that a safety limit of 0 is refused because 0 switches that limit off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from profiles.fields import read_fields, schema_problem, spelled, unknown_keys
+from profiles.machine_fields import SECTIONS, TOP_FIELDS, read_assumed, read_variables
+from profiles.problem import Problem, ProfileError
+
+_AXES = ("tool", "spindle", "carriage")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controller:
+    """The motion controller. `family` is "pmac" or "turbo".
+
+    `background_ms` is the period of its background work (limits, stops). `axis_definitions` are in its own
+    language. `variables` holds its settings, such as {"I116": 500}, in the controller's units.
+    """
+
+    family: str
+    servo_period_ms: float
+    background_ms: float
+    axis_definitions: tuple[str, ...]
+    variables: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToolAxis:
+    """The linear motor that carries the tool (Tables 2 to 4). Positive is infeed, towards the spindle axis.
+
+    `home_radius_mm` is the radius of the tool tip at motor position zero; travel is measured from there.
+    `retract_mm` is the clearance to the surface when the tool is out. `wiper_land_mm` is the length of the
+    tool's flat: a larger feed per turn leaves a thread. The three gains act on the position error: V/m,
+    V/(m s) and V s/m. `damping_n_s_per_m` is the viscous equivalent of all friction (section 4.2).
+    """
+
+    motor: int
+    counts_per_mm: float
+    moving_mass_kg: float
+    damping_n_s_per_m: float
+    thrust_constant_n_per_a: float
+    amplifier_gain_a_per_v: float
+    back_emf_v_s_per_m: float
+    coil_resistance_ohm: float
+    coil_inductance_h: float
+    peak_current_a: float
+    peak_force_n: float
+    continuous_force_n: float
+    encoder_max_velocity_m_per_min: float
+    encoder_max_acceleration_m_per_s2: float
+    gain_kp_v_per_m: float
+    gain_ki_v_per_m_s: float
+    gain_kd_v_s_per_m: float
+    dac_full_scale_v: float
+    home_radius_mm: float
+    travel_min_mm: float
+    travel_max_mm: float
+    retract_mm: float
+    wiper_land_mm: float
+
+    @property
+    def count_um(self) -> float:
+        """Length of one encoder count in um."""
+        return 1000 / self.counts_per_mm
+
+    @property
+    def loop_gain_n_per_v(self) -> float:
+        """Thrust for one volt of command: Ka Kt of Eq 9."""
+        return self.amplifier_gain_a_per_v * self.thrust_constant_n_per_a
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spindle:
+    """The servo spindle with its rotary encoder. Positive is the direction of the cut."""
+
+    motor: int
+    encoder_lines_per_rev: int
+    counts_per_line: int
+    max_speed_rpm: float
+    inertia_kg_m2: float
+    peak_torque_n_m: float
+
+    @property
+    def counts_per_rev(self) -> int:
+        """Counts of one turn after interpolation."""
+        return self.encoder_lines_per_rev * self.counts_per_line
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carriage:
+    """The Z axis. Positive is towards the chuck.
+
+    `jaw_face_mm` is the Z position of the jaw faces, measured from Z home; the tool stays `jaw_clearance_mm`
+    away from it.
+    """
+
+    motor: int
+    counts_per_mm: float
+    jaw_face_mm: float
+    jaw_clearance_mm: float
+    travel_min_mm: float
+    travel_max_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chuck:
+    """The chuck. `jaw_mass_kg` is one jaw and `jaw_radius_mm` its centre of mass, for the centrifugal loss.
+
+    `max_force_n` is the total over all jaws. `safety_factor` is S_sp of VDI 3106: what the force at rest is
+    divided by before the centrifugal loss is taken from it.
+    """
+
+    jaws: int
+    jaw_mass_kg: float
+    jaw_radius_mm: float
+    max_force_n: float
+    safety_factor: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineProfile:
+    """One lathe. `assumed` names the dotted keys ("tool.home_radius_mm") that no source or sheet gives."""
+
+    name: str
+    controller: Controller
+    tool: ToolAxis
+    spindle: Spindle
+    carriage: Carriage
+    chuck: Chuck
+    assumed: tuple[str, ...] = ()
+    source: str = ""
+    schema: int = 1
+
+
+def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineProfile:
+    """Return the machine in a TOML table, or raise `ProfileError` with every problem of it."""
+    if refusal := schema_problem(table, where=where):
+        raise ProfileError(refusal)
+    known = {**{field.key: field for field in TOP_FIELDS}, **SECTIONS}
+    problems = unknown_keys(table, known, where=where)
+    top = {key: value for key, value in table.items() if key in known and key not in SECTIONS}
+    values, found = read_fields(TOP_FIELDS, top, where=where)
+    problems += found
+    sections = _read_sections(table, where, problems)
+    problems += _crossings(sections, where)
+    problems += read_assumed(values.get("assumed", ()), where=where)
+    if problems:
+        raise ProfileError(*problems)
+    return MachineProfile(
+        controller=Controller(**sections["controller"]),
+        tool=ToolAxis(**sections["tool"]),
+        spindle=Spindle(**sections["spindle"]),
+        carriage=Carriage(**sections["carriage"]),
+        chuck=Chuck(**sections["chuck"]),
+        **values,
+    )
+
+
+def _read_sections(table: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, dict[str, Any]]:
+    """Return the values of each section that is there; add what is wrong with them to `problems`."""
+    sections: dict[str, dict[str, Any]] = {}
+    given: dict[str, Any] | None = None
+    for name, fields in SECTIONS.items():
+        inner = _table(table, name, where, problems)
+        if inner is None:
+            continue
+        if name == "controller":
+            given = _table(inner, "variables", where, problems, prefix="controller.")
+            inner = {key: value for key, value in inner.items() if key != "variables"}
+        sections[name], found = read_fields(fields, inner, where=where, prefix=f"{name}.")
+        problems += found
+    if given is not None:
+        motors = [sections[name].get("motor") for name in _AXES if name in sections]
+        variables, found = read_variables(given, [m for m in motors if m is not None], where=where)
+        sections["controller"]["variables"] = variables
+        problems += found
+    return sections
+
+
+def _table(
+    table: Mapping[str, Any], name: str, where: str, problems: list[Problem], prefix: str = ""
+) -> dict[str, Any] | None:
+    """Return an inner table; report one that is missing or is no table."""
+    inner = table.get(name)
+    if isinstance(inner, dict):
+        return inner
+    key, limit = prefix + name, f"[{prefix}{name}]"
+    if inner is None:
+        problems.append(Problem(code="key.missing", where=where, key=key, limit=limit))
+    else:
+        problems.append(Problem(code="value.not_table", where=where, key=key, value=spelled(inner), limit=limit))
+    return None
+
+
+def _crossings(sections: Mapping[str, Mapping[str, Any]], where: str) -> list[Problem]:
+    """Return the contradictions that make the machine impossible: turned-around travel, a shared motor."""
+    met: list[tuple[str, str, str]] = []
+    for name in ("tool", "carriage"):
+        low = sections.get(name, {}).get("travel_min_mm")
+        high = sections.get(name, {}).get("travel_max_mm")
+        if low is not None and high is not None and low >= high:
+            met.append((f"{name}.travel_max_mm", f"{high:g} mm", f"> {low:g} mm"))
+    owners: dict[int, str] = {}
+    for name in _AXES:
+        motor = sections.get(name, {}).get("motor")
+        if motor is None:
+            continue
+        if motor in owners:
+            met.append((f"{name}.motor", str(motor), f"≠ {owners[motor]}.motor"))
+        owners.setdefault(motor, name)
+    return [
+        Problem(code="value.out_of_range", where=where, key=key, value=value, limit=limit)
+        for key, value, limit in met
+    ]

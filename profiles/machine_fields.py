@@ -1,0 +1,156 @@
+"""The keys of a machine profile with their limits, section by section, and the controller's settings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from profiles.fields import Field, Kind, fault, spelled
+from profiles.problem import Problem
+
+FAMILIES = ("pmac", "turbo")
+
+# Suffixes (Ixx..) whose value 0 means "no limit" on this controller: following error, abort deceleration,
+# program velocity, program acceleration, jog acceleration.
+LIMIT_SUFFIXES = ("11", "15", "16", "17", "19")
+_REQUIRED_SUFFIXES = (
+    "00",
+    "08",
+    "09",
+    "11",
+    "12",
+    "13",
+    "14",
+    "15",
+    "16",
+    "17",
+    "19",
+    "20",
+    "21",
+    "22",
+    "23",
+)
+_REQUIRED_GLOBALS = ("I10", "I15")
+_VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
+_VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
+
+
+def _positive(key: str, unit: str, at_most: float) -> Field:
+    return Field(key=key, unit=unit, above=0, at_most=at_most)
+
+
+def _travel(key: str) -> Field:
+    return Field(key=key, unit="mm", at_least=-10_000, at_most=10_000)
+
+
+_MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
+
+TOP_FIELDS: tuple[Field, ...] = (
+    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
+    Field(key="name", kind=Kind.TEXT),
+    Field(key="source", kind=Kind.TEXT, default=""),
+    Field(key="assumed", kind=Kind.TEXTS, default=()),
+)
+
+SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
+    {
+        "controller": (
+            Field(key="family", kind=Kind.CHOICE, choices=FAMILIES),
+            _positive("servo_period_ms", "ms", 10),
+            _positive("background_ms", "ms", 1000),
+            Field(key="axis_definitions", kind=Kind.TEXTS),
+        ),
+        "tool": (
+            _MOTOR,
+            _positive("counts_per_mm", "1/mm", 10_000_000),
+            _positive("moving_mass_kg", "kg", 1000),
+            Field(key="damping_n_s_per_m", unit="N s/m", at_least=0, at_most=100_000),
+            _positive("thrust_constant_n_per_a", "N/A", 10_000),
+            _positive("amplifier_gain_a_per_v", "A/V", 1000),
+            _positive("back_emf_v_s_per_m", "V s/m", 10_000),
+            _positive("coil_resistance_ohm", "Ohm", 1000),
+            _positive("coil_inductance_h", "H", 10),
+            _positive("peak_current_a", "A", 1000),
+            _positive("peak_force_n", "N", 100_000),
+            _positive("continuous_force_n", "N", 100_000),
+            _positive("encoder_max_velocity_m_per_min", "m/min", 100_000),
+            _positive("encoder_max_acceleration_m_per_s2", "m/s2", 100_000),
+            _positive("gain_kp_v_per_m", "V/m", 1e9),
+            Field(key="gain_ki_v_per_m_s", unit="V/(m s)", at_least=0, at_most=1e9),
+            Field(key="gain_kd_v_s_per_m", unit="V s/m", at_least=0, at_most=1e9),
+            _positive("dac_full_scale_v", "V", 100),
+            _positive("home_radius_mm", "mm", 1000),
+            _travel("travel_min_mm"),
+            _travel("travel_max_mm"),
+            _positive("retract_mm", "mm", 100),
+            _positive("wiper_land_mm", "mm", 10),
+        ),
+        "spindle": (
+            _MOTOR,
+            Field(key="encoder_lines_per_rev", kind=Kind.WHOLE, at_least=1, at_most=1_000_000),
+            Field(key="counts_per_line", kind=Kind.WHOLE, at_least=1, at_most=65_536),
+            _positive("max_speed_rpm", "rpm", 100_000),
+            _positive("inertia_kg_m2", "kg m2", 1000),
+            _positive("peak_torque_n_m", "N m", 100_000),
+        ),
+        "carriage": (
+            _MOTOR,
+            _positive("counts_per_mm", "1/mm", 10_000_000),
+            _travel("jaw_face_mm"),
+            Field(key="jaw_clearance_mm", unit="mm", at_least=0, at_most=1000),
+            _travel("travel_min_mm"),
+            _travel("travel_max_mm"),
+        ),
+        "chuck": (
+            Field(key="jaws", kind=Kind.WHOLE, at_least=2, at_most=12),
+            _positive("jaw_mass_kg", "kg", 1000),
+            _positive("jaw_radius_mm", "mm", 1000),
+            _positive("max_force_n", "N", 1_000_000),
+            Field(key="safety_factor", at_least=1, at_most=10),
+        ),
+    }
+)
+
+
+def read_variables(
+    given: Mapping[str, object], motors: Sequence[int], *, where: str
+) -> tuple[Mapping[str, float], list[Problem]]:
+    """Return the controller's settings by name, read only, and every problem of them.
+
+    Each of `motors` needs its set; a limit of 0 is refused because it would mean no limit at all.
+    """
+    values: dict[str, float] = {}
+    problems: list[Problem] = []
+    limits = {f"I{motor}{suffix}" for motor in range(1, 9) for suffix in LIMIT_SUFFIXES}
+    for name, value in given.items():
+        key = f"controller.variables.{name}"
+        if not _VARIABLE.fullmatch(name):
+            problems.append(Problem(code="key.unknown", where=where, key=spelled(key)[1:-1], limit="I0 … I9999"))
+        elif code := fault(_VARIABLE_FIELD, value):
+            limit = _VARIABLE_FIELD.limit
+            problems.append(Problem(code=code, where=where, key=key, value=spelled(value), limit=limit))
+        elif isinstance(value, int | float):
+            if name in limits and value <= 0:
+                problems.append(
+                    Problem(code="value.out_of_range", where=where, key=key, value=spelled(value), limit="> 0")
+                )
+            values[name] = value
+    needed = [*_REQUIRED_GLOBALS, *(f"I{motor}{suffix}" for motor in motors for suffix in _REQUIRED_SUFFIXES)]
+    problems.extend(
+        Problem(code="key.missing", where=where, key=f"controller.variables.{name}")
+        for name in needed
+        if name not in given
+    )
+    return MappingProxyType(values), problems
+
+
+def read_assumed(assumed: Sequence[str], *, where: str) -> list[Problem]:
+    """Return a refusal for each name in `assumed` that is no key of a machine."""
+    known = {f"{section}.{field.key}" for section, fields in SECTIONS.items() for field in fields}
+    known.add("controller.variables")
+    return [
+        Problem(code="value.not_choice", where=where, key="assumed", value=spelled(name), limit="table.key")
+        for name in assumed
+        if name not in known and not _VARIABLE.fullmatch(name.removeprefix("controller.variables."))
+    ]

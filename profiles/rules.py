@@ -1,0 +1,159 @@
+"""Does this job fit this machine? Every rule is judged, and each gives a finding with its numbers.
+
+Codes, with what is refused:
+
+- `rule.wall_over_radius`      a wall thicker than the radius (equal: a solid bar)
+- `rule.depth_over_wall`       a cut that, with the lobe on top, goes through the wall
+- `rule.length_over_overhang`  a cut that comes nearer to the jaws than their clearance
+- `rule.speed_over_machine`    a spindle speed above the machine's
+- `rule.force_over_chuck`      a chucking force above the chuck's
+- `rule.grip_margin`           F_sp0 / S_sp - F_c below 0 (VDI 3106)
+- `rule.grip_loss`             a centrifugal loss above 67 % of the force at rest (DIN EN 1550)
+- `rule.feed_over_land`        a feed per turn above the tool's wiper land, which leaves a thread
+- `rule.tool_travel`           a radius, or the clearance over it, that the tool axis cannot reach
+- `rule.carriage_travel`       a cut whose ends the carriage cannot reach
+- `rule.tool_force`            a lobe that needs more than the continuous thrust of the tool axis
+- `rule.encoder_acceleration`  a lobe that shakes the tool harder than its encoder allows
+- `rule.jaws_differ`           (warning) another number of jaws than the machine's own chuck
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+MOST_GRIP_LOSS = 0.67
+
+
+class Severity(StrEnum):
+    """A refusal stops the job, a warning is for the operator's eyes, ok is a rule that holds."""
+
+    REFUSAL = "refusal"
+    WARNING = "warning"
+    OK = "ok"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """The outcome of one rule; the problem carries the numbers also where the rule holds."""
+
+    severity: Severity
+    problem: Problem
+
+
+def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Return one finding for every rule, in the order of the module's list."""
+    return (
+        *_part(job, machine),
+        *_grip(job, machine),
+        _at_most("rule.feed_over_land", "feed_mm_per_rev", job.feed_mm_per_rev, machine.tool.wiper_land_mm, "mm"),
+        _tool_travel(job, machine),
+        _carriage_travel(job, machine),
+        *_tool_load(job, machine),
+        _jaws(job, machine),
+    )
+
+
+def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings that stop the job."""
+    return tuple(finding for finding in findings if finding.severity is Severity.REFUSAL)
+
+
+def centrifugal_loss_n(job: Job, machine: MachineProfile) -> float:
+    """Return the chucking force that the jaws' own mass takes away at speed: F_c = sum(m r) (pi n / 30)^2."""
+    mass_radius_kg_m = job.jaws * machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000
+    return mass_radius_kg_m * (math.pi * job.spindle_speed_rpm / 30) ** 2
+
+
+def grip_margin_n(job: Job, machine: MachineProfile) -> float:
+    """Return the clamping force that may be counted on at speed: F_sp0 / S_sp - F_c (VDI 3106)."""
+    return job.chucking_force_n / machine.chuck.safety_factor - centrifugal_loss_n(job, machine)
+
+
+def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    wall, carriage = job.wall_thickness_mm, machine.carriage
+    deepest_mm = job.depth_of_cut_mm + job.lobe_amplitude_um / 1000
+    free_mm = job.overhang_mm - carriage.jaw_clearance_mm
+    speed, force = job.spindle_speed_rpm, job.chucking_force_n
+    return (
+        _at_most("rule.wall_over_radius", "wall_thickness_mm", wall, job.radius_mm, "mm"),
+        _finding("rule.depth_over_wall", "depth_of_cut_mm", deepest_mm < wall, deepest_mm, "<", wall, "mm"),
+        _at_most("rule.length_over_overhang", "cut_length_mm", job.cut_length_mm, free_mm, "mm"),
+        _at_most("rule.speed_over_machine", "spindle_speed_rpm", speed, machine.spindle.max_speed_rpm, "rpm"),
+        _at_most("rule.force_over_chuck", "chucking_force_n", force, machine.chuck.max_force_n, "N"),
+    )
+
+
+def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    margin_n, loss_n = grip_margin_n(job, machine), centrifugal_loss_n(job, machine)
+    most_n = MOST_GRIP_LOSS * job.chucking_force_n
+    return (
+        _finding("rule.grip_margin", "chucking_force_n", margin_n >= 0, margin_n, ">=", 0, "N"),
+        _at_most("rule.grip_loss", "spindle_speed_rpm", loss_n, most_n, "N"),
+    )
+
+
+def _tool_travel(job: Job, machine: MachineProfile) -> Finding:
+    """The tool must clear the blank by the retract distance and reach the deepest point of the cut."""
+    tool = machine.tool
+    surface_mm = tool.home_radius_mm - job.radius_mm
+    out_mm = surface_mm - tool.retract_mm
+    in_mm = surface_mm + job.depth_of_cut_mm + job.lobe_amplitude_um / 1000
+    holds = tool.travel_min_mm <= out_mm and in_mm <= tool.travel_max_mm
+    return _span("rule.tool_travel", "diameter_mm", holds, (out_mm, in_mm), tool.travel_min_mm, tool.travel_max_mm)
+
+
+def _carriage_travel(job: Job, machine: MachineProfile) -> Finding:
+    carriage = machine.carriage
+    start_mm = carriage.jaw_face_mm - job.overhang_mm
+    end_mm = start_mm + job.cut_length_mm
+    low_mm, high_mm = carriage.travel_min_mm, carriage.travel_max_mm
+    holds = low_mm <= start_mm and end_mm <= high_mm
+    return _span("rule.carriage_travel", "overhang_mm", holds, (start_mm, end_mm), low_mm, high_mm)
+
+
+def _tool_load(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """A sine of the lobe's amplitude: thrust |-M w^2 + j B w| A / sqrt(2), acceleration A w^2."""
+    tool = machine.tool
+    amplitude_m = job.lobe_amplitude_um * 1e-6
+    omega = 2 * math.pi * job.lobe_frequency_hz
+    force_n = amplitude_m * omega * math.hypot(tool.moving_mass_kg * omega, tool.damping_n_s_per_m) / math.sqrt(2)
+    acceleration = amplitude_m * omega**2
+    most = tool.encoder_max_acceleration_m_per_s2
+    return (
+        _at_most("rule.tool_force", "lobe_error_um_pp", force_n, tool.continuous_force_n, "N"),
+        _at_most("rule.encoder_acceleration", "lobe_error_um_pp", acceleration, most, "m/s2"),
+    )
+
+
+def _jaws(job: Job, machine: MachineProfile) -> Finding:
+    severity = Severity.OK if job.jaws == machine.chuck.jaws else Severity.WARNING
+    value, limit = str(job.jaws), str(machine.chuck.jaws)
+    return Finding(
+        severity=severity, problem=Problem(code="rule.jaws_differ", key="jaws", value=value, limit=limit)
+    )
+
+
+def _at_most(code: str, key: str, value: float, most: float, unit: str) -> Finding:
+    return _finding(code, key, value <= most, value, "<=", most, unit)
+
+
+def _finding(code: str, key: str, holds: bool, value: float, relation: str, bound: float, unit: str) -> Finding:
+    problem = Problem(code=code, key=key, value=f"{value:.6g} {unit}", limit=f"{relation} {bound:.6g} {unit}")
+    return Finding(severity=Severity.OK if holds else Severity.REFUSAL, problem=problem)
+
+
+def _span(code: str, key: str, holds: bool, met_mm: tuple[float, float], low_mm: float, high_mm: float) -> Finding:
+    problem = Problem(
+        code=code,
+        key=key,
+        value=f"{met_mm[0]:.6g} … {met_mm[1]:.6g} mm",
+        limit=f"{low_mm:.6g} … {high_mm:.6g} mm",
+    )
+    return Finding(severity=Severity.OK if holds else Severity.REFUSAL, problem=problem)

@@ -1,0 +1,95 @@
+"""The gains of the tool axis in V/m, and the same gains as the controller's whole numbers.
+
+The controller's output in DAC bits, with following error FE, actual velocity AV, commanded velocity CV and
+acceleration CA in counts per servo cycle, and the sum IE of the following error (PMAC PID filter):
+
+    DAC = 2^-19 Ix30 { Ix08 [ FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23 ] - Ix31 Ix09 AV/128 }
+
+32768 bits are the full scale of the output.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
+
+_DAC_BITS = 32768
+_NEEDED_SUFFIXES = ("08", "09", "30", "31", "32", "33")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PidGains:
+    """Gains of the position loop. The derivative acts on the actual velocity.
+
+    A velocity feedforward equal to `kd_v_s_per_m` puts the derivative on the error, as in Eq 9.
+    """
+
+    kp_v_per_m: float
+    ki_v_per_m_s: float
+    kd_v_s_per_m: float
+    velocity_feedforward_v_s_per_m: float
+    acceleration_feedforward_v_s2_per_m: float = 0.0
+
+
+def eq9_gains(machine: MachineProfile) -> PidGains:
+    """Return the gains of section 4.2, with the derivative on the error."""
+    tool = machine.tool
+    return PidGains(
+        kp_v_per_m=tool.gain_kp_v_per_m,
+        ki_v_per_m_s=tool.gain_ki_v_per_m_s,
+        kd_v_s_per_m=tool.gain_kd_v_s_per_m,
+        velocity_feedforward_v_s_per_m=tool.gain_kd_v_s_per_m,
+    )
+
+
+def gains_from_variables(machine: MachineProfile) -> PidGains:
+    """Return the gains that the controller's variables make.
+
+    With Ix34 = 1 the integrator stands still in every move, so its gain is 0 here. Raises `ProfileError`
+    (`key.missing`) where the profile lacks a gain of the tool motor.
+    """
+    motor, variables = machine.tool.motor, machine.controller.variables
+    missing = [f"I{motor}{suffix}" for suffix in _NEEDED_SUFFIXES if f"I{motor}{suffix}" not in variables]
+    if missing:
+        raise ProfileError(*(Problem(code="key.missing", key=f"controller.variables.{n}") for n in missing))
+    ix08, ix09, ix30, ix31, ix32, ix33 = (variables[f"I{motor}{suffix}"] for suffix in _NEEDED_SUFFIXES)
+    period_s = machine.controller.servo_period_ms / 1000
+    unit = ix30 * _volts_per_metre(machine) / 2**19
+    integrates = variables.get(f"I{motor}34", 0) == 0
+    return PidGains(
+        kp_v_per_m=unit * ix08,
+        ki_v_per_m_s=unit * ix08 * ix33 / 2**23 / period_s if integrates else 0.0,
+        kd_v_s_per_m=unit * ix09 * ix31 / 128 * period_s,
+        velocity_feedforward_v_s_per_m=unit * ix08 * ix32 / 128 * period_s,
+        acceleration_feedforward_v_s2_per_m=unit * ix08 * variables.get(f"I{motor}35", 0) / 128 * period_s**2,
+    )
+
+
+def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, int]:
+    """Return Ix30 to Ix35 of the tool motor for these gains, rounded to the whole numbers it takes.
+
+    Ix08 and Ix09 stay those of the profile. The other gains are relative to Ix30, so they are computed with
+    the rounded one.
+    """
+    motor, variables = machine.tool.motor, machine.controller.variables
+    ix08, ix09 = variables[f"I{motor}08"], variables[f"I{motor}09"]
+    period_s = machine.controller.servo_period_ms / 1000
+    volts_per_metre = _volts_per_metre(machine)
+    ix30 = max(1, round(gains.kp_v_per_m * 2**19 / (ix08 * volts_per_metre)))
+    unit = ix30 * volts_per_metre / 2**19
+    acceleration = gains.acceleration_feedforward_v_s2_per_m
+    return {
+        f"I{motor}30": ix30,
+        f"I{motor}31": round(gains.kd_v_s_per_m * 128 / (unit * ix09 * period_s)),
+        f"I{motor}32": round(gains.velocity_feedforward_v_s_per_m * 128 / (unit * ix08 * period_s)),
+        f"I{motor}33": round(gains.ki_v_per_m_s * 2**23 * period_s / (unit * ix08)),
+        f"I{motor}34": 0,
+        f"I{motor}35": round(acceleration * 128 / (unit * ix08 * period_s**2)),
+    }
+
+
+def _volts_per_metre(machine: MachineProfile) -> float:
+    """Return the output voltage of one DAC bit for each count, per metre of error."""
+    return machine.tool.dac_full_scale_v / _DAC_BITS * machine.tool.counts_per_mm * 1000

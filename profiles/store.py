@@ -1,0 +1,164 @@
+"""Finding, loading and saving profiles: the bundled library, and the operator's own folder over it.
+
+A reference is the name of a saved profile (its file name without `.toml`; the operator's folder comes first)
+or a path, which contains a separator or ends in `.toml`. Bundled profiles are never written.
+
+Problem codes: `file.unreadable`, `file.not_toml`, `file.too_large`, `file.exists`, `file.bundled`,
+`file.not_writable`, `job.unknown`, `machine.unknown`, and those of `profiles.fields`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import MutableMapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from profiles.fields import spelled
+from profiles.files import parse_toml, printable, read_toml, write_atomically
+from profiles.job import JOB_FIELDS, Job, job_from_table
+from profiles.machine import MachineProfile, machine_from_table
+from profiles.problem import Problem, ProfileError
+
+_LIBRARY = Path(__file__).parent / "library"
+BUNDLED_JOBS = _LIBRARY / "jobs"
+BUNDLED_MACHINES = _LIBRARY / "machines"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryEntry:
+    """A profile that can be loaded by its name. It is not opened for the list and may turn out unusable."""
+
+    name: str
+    path: Path
+    bundled: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedJob:
+    """A job with the file it came from and the hash (sha256, hexadecimal) of that file's bytes."""
+
+    job: Job
+    path: Path
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedMachine:
+    """A machine profile with the file it came from and the hash of that file's bytes."""
+
+    machine: MachineProfile
+    path: Path
+    sha256: str
+
+
+def list_jobs(user_folder: Path | None = None) -> tuple[LibraryEntry, ...]:
+    """Return the jobs by name; one in `user_folder` hides a bundled one of the same name."""
+    return _entries(BUNDLED_JOBS, user_folder)
+
+
+def list_machines(user_folder: Path | None = None) -> tuple[LibraryEntry, ...]:
+    """Return the machine profiles by name; one in `user_folder` hides a bundled one of the same name."""
+    return _entries(BUNDLED_MACHINES, user_folder)
+
+
+def load_job(reference: str, user_folder: Path | None = None) -> LoadedJob:
+    """Return the job that `reference` names, or raise `ProfileError` with every problem of it."""
+    path = _find(reference, list_jobs(user_folder), "job.unknown")
+    content, table = read_toml(path)
+    job = job_from_table(table, where=printable(str(path)))
+    return LoadedJob(job=job, path=path, sha256=hashlib.sha256(content).hexdigest())
+
+
+def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachine:
+    """Return the machine that `reference` names, or raise `ProfileError` with every problem of it."""
+    path = _find(reference, list_machines(user_folder), "machine.unknown")
+    content, table = read_toml(path)
+    machine = machine_from_table(table, where=printable(str(path)))
+    return LoadedMachine(machine=machine, path=path, sha256=hashlib.sha256(content).hexdigest())
+
+
+def save_job(job: Job, path: Path, *, overwrite: bool = False) -> None:
+    """Write `job` to `path` in one step.
+
+    With `overwrite`, comments and layout of a readable job file that stands there are kept. Raises
+    `ProfileError` with the problems of the job itself, `file.exists`, `file.bundled` or `file.not_writable`.
+    """
+    where = printable(str(path))
+    values = asdict(job)
+    job_from_table(values, where=where)
+    try:
+        bundled = _LIBRARY.resolve() in path.resolve().parents
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=str(error))) from error
+    if bundled:
+        raise ProfileError(Problem(code="file.bundled", where=where))
+    content = _job_text(values, path if overwrite else None).encode("utf-8")
+    write_atomically(path, content, overwrite=overwrite)
+
+
+def _entries(bundled_folder: Path, user_folder: Path | None) -> tuple[LibraryEntry, ...]:
+    entries: dict[str, LibraryEntry] = {}
+    for folder, bundled in ((bundled_folder, True), (user_folder, False)):
+        if folder is None:
+            continue
+        try:
+            paths = [path for path in folder.iterdir() if path.suffix == ".toml" and path.is_file()]
+        except OSError:  # the operator's folder is made with the first job that is saved
+            continue
+        entries.update({p.stem: LibraryEntry(name=p.stem, path=p, bundled=bundled) for p in paths})
+    return tuple(entries[name] for name in sorted(entries))
+
+
+def _find(reference: str, entries: tuple[LibraryEntry, ...], code: str) -> Path:
+    if os.sep in reference or reference.endswith(".toml"):
+        return Path(reference)
+    for entry in entries:
+        if entry.name == reference:
+            return entry.path
+    known = " | ".join(printable(entry.name) for entry in entries)
+    raise ProfileError(Problem(code=code, value=spelled(reference), limit=known))
+
+
+def _job_text(values: dict[str, Any], existing: Path | None) -> str:
+    """Return the TOML of a job, put into the text of `existing` where that is a sound job file."""
+    # Loading needs the standard library alone; start-up should not pay for saving.
+    import tomlkit
+
+    document = tomlkit.document()
+    if existing is not None:
+        try:
+            content, table = read_toml(existing)
+            job_from_table(table)
+            document = tomlkit.parse(content.decode("utf-8-sig"))
+        except ProfileError:
+            pass  # what stands there is no job: nothing to keep
+    for field in JOB_FIELDS:
+        value = values[field.key]
+        plain = list(value) if isinstance(value, tuple) else value
+        place = _place(document, field.key, field.table)
+        if field.key not in place or place[field.key] != plain:  # a value that stays keeps its spelling
+            place[field.key] = plain
+    text = tomlkit.dumps(document)
+    job_from_table(parse_toml(text.encode("utf-8"), str(existing)))
+    return text
+
+
+def _place(document: MutableMapping[str, Any], key: str, table: str) -> MutableMapping[str, Any]:
+    """Return the table of `document` that holds `key`, or the one where it belongs in a new file."""
+    import tomlkit
+
+    waiting = [document]
+    while waiting:
+        inner = waiting.pop()
+        if key in inner:
+            return inner
+        waiting.extend(value for value in inner.values() if isinstance(value, MutableMapping))
+    if not table:
+        return document
+    if not isinstance(document.get(table), MutableMapping):
+        document[table] = tomlkit.table()
+    found: MutableMapping[str, Any] = document[table]
+    return found

@@ -1,0 +1,260 @@
+"""Lines of motion programs, the published program among them."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.parser import parse_line, parse_statement
+from drivers.pmac.language.structure import link
+from drivers.pmac.language.syntax import (
+    Assign,
+    AxisWord,
+    Binary,
+    Comparison,
+    Else,
+    EndIf,
+    EndWhile,
+    If,
+    Move,
+    Negate,
+    Number,
+    Positioning,
+    SelectMode,
+    Set,
+    Statement,
+    Variable,
+    VariableKind,
+    Wait,
+    While,
+)
+
+PROG_1 = """\
+
+ 
+;x:공구이송축, y:공작물이송축
+P100=1000 ;1000rpm set
+P200=2500 ;Rotary encoder pulse
+P300=10000/6 ;1/6 회전
+P400=1/(2* 103*50) ;50Hz 일때의 x 축 move time
+P500= 275 ;55μm 보상시 x 축 이송변위
+; (55μm*0.2=275)
+; 실험 2 의 경우는 P500=165
+
+close
+OPEN PROG 1
+CLEAR
+INC
+M26=0
+
+ta10 ts10 f50000
+x500 ;척삭깊이 0.1mm(500count*0.2μm)
+; 실험 2 의 경우는 x300
+
+WHILE(M26=0)
+P1=((P100*P200)/60*4) F(P1) Y(P300) tm(P400) X(P500) ;
+공구 1 회 전진, 공작물 1/6 회전
+P1=((P100*P200)/60*4) F(P1) Y(P300) tm(P400) X(-P500) ;
+공구 1 회 후퇴, 공작물 1/6 회전
+ENDW
+
+ta10 ts10 f50000 x10000
+CLOSE
+    
+"""  # noqa: W293 - as printed
+WRAPPED_COMMENTS = ("공구 1 회 전진, 공작물 1/6 회전", "공구 1 회 후퇴, 공작물 1/6 회전")
+ONLINE_ONLY = ("close", "OPEN PROG 1", "CLEAR", "CLOSE")
+
+
+def p(index: int) -> Variable:
+    return Variable(VariableKind.P, Number(index))
+
+
+def on_the_wire(line: str) -> str:
+    return line.encode().decode("latin-1")
+
+
+def refusal_of(text: str) -> int:
+    with pytest.raises(PmacError) as refusal:
+        parse_line(text)
+    return refusal.value.code
+
+
+def test_the_published_program_reads_as_it_is_meant() -> None:
+    lines = PROG_1.split("\n")
+    body = lines[lines.index("INC") : lines.index("CLOSE")]
+    program = tuple(parse_line(on_the_wire(line)) for line in body if line not in WRAPPED_COMMENTS)
+    speed = Binary("*", Binary("/", Binary("*", p(100), p(200)), Number(60)), Number(4))
+    preamble = (Set("TA", Number(10)), Set("TS", Number(10)), Set("F", Number(50000)))
+
+    def stroke(x: Variable | Negate) -> tuple[Statement, ...]:
+        move = Move((AxisWord("Y", p(300)), AxisWord("X", x)))
+        return (Assign(p(1), speed), Set("F", p(1)), Set("TM", p(400)), move)
+
+    assert [line for line in program if line] == [
+        (Positioning(incremental=True),),
+        (Assign(Variable(VariableKind.M, Number(26)), Number(0)),),
+        preamble,
+        (Move((AxisWord("X", Number(500)),)),),
+        (While(Comparison("=", Variable(VariableKind.M, Number(26)), Number(0))),),
+        stroke(p(500)),
+        stroke(Negate(p(500))),
+        (EndWhile(),),
+        (*preamble, Move((AxisWord("X", Number(10000)),))),
+    ]
+    code = link(program)
+    loop = next(i for i, statement in enumerate(code.instructions) if isinstance(statement, While))
+    end = next(i for i, statement in enumerate(code.instructions) if isinstance(statement, EndWhile))
+    assert (code.jumps[loop], code.jumps[end]) == (end + 1, loop)
+
+
+def test_the_published_program_line_by_line() -> None:
+    for line in PROG_1.split("\n"):
+        text = on_the_wire(line)
+        if line in WRAPPED_COMMENTS:
+            assert refusal_of(text) == ErrorCode.ILLEGAL_CHARACTER
+        elif line in ONLINE_ONLY:
+            assert refusal_of(text) == ErrorCode.DATA_ERROR
+        else:
+            parse_line(text)
+
+
+@pytest.mark.parametrize("text", ["", "   ", ";", "; X10", "\r\n"])
+def test_a_line_without_statements_is_empty(text: str) -> None:
+    assert parse_line(text) == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("ta10ts10tm(P400)", (Set("TA", Number(10)), Set("TS", Number(10)), Set("TM", p(400)))),
+        ("LIN", (SelectMode("LINEAR"),)),
+        ("LinEar", (SelectMode("LINEAR"),)),
+        ("ABS", (Positioning(False),)),
+        ("INC(X,Y)", (Positioning(True, ("X", "Y")),)),
+        ("PVT20", (Set("PVT", Number(20)),)),
+        ("X10:-5", (Move((AxisWord("X", Number(10), Number(-5)),)),)),
+        ("X(P1):(P2)", (Move((AxisWord("X", p(1), p(2)),)),)),
+        ("DWE100", (Wait("DWELL", Number(100)),)),
+        ("delay(P1)", (Wait("DELAY", p(1)),)),
+        ("DLY5", (Wait("DELAY", Number(5)),)),
+        ("P(P1)=$F F5", (Assign(Variable(VariableKind.P, p(1)), Number(15)), Set("F", Number(5)))),
+        ("endw", (EndWhile(),)),
+        ("End If", (EndIf(),)),
+        ("ENDI", (EndIf(),)),
+        ("else", (Else(),)),
+        ("ELSE DWELL 500", (Else(inline=True), Wait("DWELL", Number(500)))),
+        ("I5213=10", (Assign(Variable(VariableKind.I, Number(5213)), Number(10)),)),
+        (
+            "A1 B2 C-3",
+            (Move((AxisWord("A", Number(1)), AxisWord("B", Number(2)), AxisWord("C", Number(-3)))),),
+        ),
+    ],
+)
+def test_statements(text: str, expected: tuple[Statement, ...]) -> None:
+    assert parse_line(text) == expected
+
+
+def test_a_statement_behind_a_condition_makes_it_single_line() -> None:
+    condition = Comparison("!<", p(1), Number(5))
+    x10 = Move((AxisWord("X", Number(10)),))
+    assert parse_line("IF (P1 !< 5) X10") == (If(condition, inline=True), x10)
+    assert parse_line("IF (P1 !< 5) ; X10") == (If(condition),)
+    assert parse_line("WHILE(P1!<5)X10") == (While(condition, inline=True), x10)
+
+
+def axes_of(text: str) -> list[str]:
+    """Write the statements down by kind, moves by their letters."""
+    return [
+        "".join(word.axis for word in statement.words)
+        if isinstance(statement, Move)
+        else type(statement).__name__
+        for statement in parse_line(text)
+    ]
+
+
+def test_the_axis_words_of_a_line_move_together_behind_its_modal_words() -> None:
+    assert axes_of("X1 Y2 Z3") == ["XYZ"]
+    assert axes_of("X1 TM5 Y2") == ["Set", "XY"]
+    assert axes_of("X1 P1=2 INC Y2 LINEAR") == ["Assign", "Positioning", "SelectMode", "XY"]
+
+
+def test_a_modal_word_behind_the_axis_words_still_holds_for_them() -> None:
+    assert axes_of("X1 F100") == ["Set", "X"]
+    assert axes_of("X1 X2 TM5") == ["Set", "X", "X"]
+    assert axes_of("X1 P1=5 F(P1)") == ["Assign", "Set", "X"]
+
+
+def test_an_assignment_behind_the_axis_words_comes_after_the_move() -> None:
+    assert axes_of("X(P1) P1=P1+1") == ["X", "Assign"]
+    assert axes_of("X(P1) P1=P1+1 Y(P1)") == ["Assign", "XY"]
+    assert axes_of("X(P1) P1=P1+1 X(P1)") == ["X", "Assign", "X"]
+
+
+def test_a_repeated_axis_begins_another_move() -> None:
+    assert axes_of("X1 X2") == ["X", "X"]
+    assert axes_of("X1 Y1 X2 Z2") == ["XY", "XZ"]
+
+
+def test_a_wait_or_a_flow_word_ends_a_move() -> None:
+    assert axes_of("X1 DWELL5 Y2") == ["X", "Wait", "Y"]
+    assert axes_of("X1 IF(P1=1) Y2") == ["X", "If", "Y"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "J+",
+        "X",
+        "XP1",
+        "X 1 0",
+        "X+5",
+        "F",
+        "P1",
+        "P1=",
+        "P1==2",
+        "M1->Y:$FFC2,8",
+        "I130..135",
+        "FOO",
+        "5",
+        "X10 5",
+        "X(P1",
+        "X10)",
+        "INC(Q)",
+        "INC(X",
+        "INC(X,)",
+        "WHILE P1=0",
+        "WHILE(P1)",
+        "WHILE(P1<=2)",
+        "IF((P1=0) AND (P2=1))",
+        "WHILE(P1=0) WAIT",
+        "X10:",
+        "X1:2:3",
+        "TA",
+        "DWELL",
+        "SPLINE1",
+        '"X1"',
+        "X10,Y10",
+        "X\x071",
+    ],
+)
+def test_anything_else_is_a_data_error(text: str) -> None:
+    assert refusal_of(text) == 3
+
+
+@pytest.mark.parametrize(
+    "text", ["J+", "F", "A", "B", "P1", "P(P1)", "I130..135", "M1->", "OPEN", "?", "", "Q"]
+)
+def test_an_on_line_command_is_left_to_the_caller(text: str) -> None:
+    scanner = Scanner(text)
+    assert parse_statement(scanner) is None
+    assert scanner.rest == text
+
+
+def test_statements_can_be_taken_one_by_one() -> None:
+    scanner = Scanner("P1=1 F100 #1J+")
+    assert parse_statement(scanner) == Assign(p(1), Number(1))
+    assert parse_statement(scanner) == Set("F", Number(100))
+    assert parse_statement(scanner) is None
+    assert scanner.rest == "#1J+"

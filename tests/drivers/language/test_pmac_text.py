@@ -1,0 +1,244 @@
+"""Text from trees: what is written is read back as the same tree."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Callable
+from typing import cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.expressions import COMPARATORS, FUNCTIONS, PRODUCTS, SUMS, negated
+from drivers.pmac.language.parser import AXES, gather_moves, parse_line
+from drivers.pmac.language.syntax import (
+    Assign,
+    AxisWord,
+    Binary,
+    Call,
+    Comparison,
+    Condition,
+    Else,
+    EndIf,
+    EndWhile,
+    Expression,
+    If,
+    Junction,
+    Line,
+    Move,
+    Number,
+    Positioning,
+    SelectMode,
+    Set,
+    Statement,
+    Variable,
+    VariableKind,
+    Wait,
+    While,
+)
+from drivers.pmac.language.text import (
+    format_condition,
+    format_constant,
+    format_expression,
+    format_line,
+    format_number,
+    format_program,
+)
+
+constants = (
+    st.integers(-(10**6), 10**6).map(float)
+    | st.decimals(-1000, 1000, places=4).map(float)
+    | st.floats(-1e15, 1e15, allow_nan=False)
+).map(lambda value: Number(value or 0.0))
+kinds = st.sampled_from(list(VariableKind))
+plain_variables = st.builds(lambda kind, n: Variable(kind, Number(float(n))), kinds, st.integers(0, 9999))
+
+
+def grow(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    return (
+        st.builds(Binary, st.sampled_from(SUMS + PRODUCTS), inner, inner)
+        | st.builds(Call, st.sampled_from(FUNCTIONS), inner)
+        | st.builds(negated, inner)
+        | st.builds(Variable, kinds, inner)
+    )
+
+
+expressions: st.SearchStrategy[Expression] = st.recursive(constants | plain_variables, grow, max_leaves=6)
+variables = st.builds(Variable, kinds, expressions)
+comparisons = st.builds(Comparison, st.sampled_from(COMPARATORS), expressions, expressions)
+
+
+def chain(operator: str) -> Callable[[list[Condition]], Condition]:
+    def fold(parts: list[Condition]) -> Condition:
+        joined = parts[0]
+        for part in parts[1:]:
+            joined = Junction(operator, joined, part)
+        return joined
+
+    return fold
+
+
+conjunctions = st.lists(comparisons, min_size=1, max_size=3).map(
+    lambda parts: chain("AND")(cast(list[Condition], parts))
+)
+conditions = st.lists(conjunctions, min_size=1, max_size=2).map(chain("OR"))
+axis_words = st.builds(AxisWord, st.sampled_from(AXES), expressions, st.none() | expressions)
+statements: st.SearchStrategy[Statement] = st.one_of(
+    st.builds(Assign, variables, expressions),
+    st.builds(Set, st.sampled_from(["TA", "TS", "TM", "F", "PVT"]), expressions),
+    st.just(SelectMode("LINEAR")),
+    st.builds(Positioning, st.booleans(), st.lists(st.sampled_from(AXES), max_size=3).map(tuple)),
+    axis_words.map(lambda word: Move((word,))),
+    st.builds(Wait, st.sampled_from(["DWELL", "DELAY"]), expressions),
+    st.builds(While, conditions),
+    st.builds(If, conditions),
+    st.just(EndWhile()),
+    st.just(Else()),
+    st.just(EndIf()),
+)
+
+
+def canonical(loose: list[Statement]) -> Line:
+    """Make a line as the parser would: moves joined, conditions inline unless they end the line."""
+    line = gather_moves(loose)
+    marked: list[Statement] = []
+    for place, statement in enumerate(line):
+        inline = place < len(line) - 1
+        match statement:
+            case While(condition):
+                marked.append(While(condition, inline))
+            case If(condition):
+                marked.append(If(condition, inline))
+            case Else():
+                marked.append(Else(inline))
+            case _:
+                marked.append(statement)
+    return tuple(marked)
+
+
+lines = st.lists(statements, max_size=5).map(canonical)
+
+
+@given(lines)
+def test_a_written_line_is_read_back_as_the_same_tree(line: Line) -> None:
+    assert parse_line(format_line(line)) == line
+
+
+@given(lines, st.randoms(use_true_random=False))
+def test_case_and_white_space_between_symbols_change_nothing(line: Line, random: object) -> None:
+    choice = random.choice  # type: ignore[attr-defined]
+    text = format_line(line)
+    loose = ""
+    for here, following in zip(text, f"{text} "[1:], strict=True):
+        loose += choice([here.upper(), here.lower()])
+        # Inside a number white space would end it.
+        if not (here in string.digits + "." and following in string.digits + "."):
+            loose += choice(["", "", " ", "\t", "  "])
+    assert parse_line(loose + choice(["", ";", " ; X1 (", ";\xb0\x00"])) == line
+
+
+def parses_or_refuses(text: str) -> None:
+    try:
+        line = parse_line(text)
+    except PmacError as refusal:
+        assert refusal.code in (3, 4)
+    else:
+        assert parse_line(format_line(line)) == line
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_read_or_refused(noise: bytes) -> None:
+    parses_or_refuses(noise.decode("latin-1"))
+
+
+fragments = ["P1", "=", "X", "(", ")", "10", ".5", "$F", "-", "WHILE", "IF", "ELSE", "ENDW", "AND", "OR", "<"]
+fragments += ["TA", "F", "INC", ":", ",", "SIN", "*", "&", " ", "M", "~", "!", "DWELL", '"', "1e5", "9" * 30]
+
+
+@given(st.lists(st.sampled_from(fragments), max_size=60).map("".join))
+def test_any_jumble_of_words_is_read_or_refused(text: str) -> None:
+    parses_or_refuses(text)
+
+
+@given(st.text(alphabet="XP10()-+=", max_size=400))
+def test_any_jumble_of_symbols_is_read_or_refused(text: str) -> None:
+    parses_or_refuses(text)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-0.0, "0"),
+        (-1e-12, "0"),
+        (100.0, "100"),
+        (1e15, "1000000000000000"),
+        (0.1, "0.1"),
+        (-27.5, "-27.5"),
+        (1 / 3, "0.3333333333"),
+        (1e-7, "0.0000001"),
+        (10000 / 6, "1666.6666666667"),
+    ],
+)
+def test_a_number_has_no_exponent_and_at_most_ten_decimals(value: float, text: str) -> None:
+    assert format_number(value) == text
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_constant_is_written_without_loss(value: float) -> None:
+    text = format_constant(value)
+    assert float(text) == value
+    assert set(text) <= set("-.0123456789")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "P1=P100*P200/60*4 F(P1) TM(P400) Y(P300) X(-P500)",
+        "P1=P2-(P3-P4) Q(P1+1)=-(P1+P2)*3",
+        "P1=3^-3-(P2|P3)&7",
+        "WHILE(M26=0 AND P620<P621)",
+        "IF(P1!~5 OR P2=1 AND P3!<2) DWELL100",
+        "INC(X,Y)",
+        "PVT20 X10:-5 Y(P1):(P2)",
+        "P1=SIN(30)*ATAN2(P5)",
+    ],
+)
+def test_canonical_text_is_written_as_it_was_read(text: str) -> None:
+    assert format_line(parse_line(text)) == text
+
+
+def test_needless_parentheses_are_dropped() -> None:
+    assert format_line(parse_line("P1=((P100*P200)/60*4)")) == "P1=P100*P200/60*4"
+
+
+def test_a_program_is_written_line_by_line() -> None:
+    program = (parse_line("INC"), (), parse_line("x5 y(-p1)"))
+    assert format_program(program) == "INC\n\nX5 Y(-P1)\n"
+
+
+def test_what_would_be_read_as_something_else_is_not_written() -> None:
+    x, y = Move((AxisWord("X", Number(1)),)), Move((AxisWord("Y", Number(1)),))
+    condition = Comparison("=", Number(1), Number(1))
+    for line in ((x, y), (x, Set("TM", Number(1))), (If(condition), x), (If(condition, inline=True),)):
+        with pytest.raises(ValueError, match=r"line"):
+            format_line(line)
+
+
+def test_a_condition_that_needs_inner_parentheses_is_not_written() -> None:
+    one = Comparison("=", Number(1), Number(1))
+    either = Junction("OR", one, one)
+    for condition in (
+        Junction("AND", either, one),
+        Junction("AND", one, either),
+        Junction("OR", one, either),
+    ):
+        with pytest.raises(ValueError, match="parentheses"):
+            format_condition(condition)
+    assert format_condition(Junction("OR", either, one)) == "1=1 OR 1=1 OR 1=1"
+
+
+def test_an_expression_is_written_alone() -> None:
+    assert format_expression(Binary("*", Binary("+", Number(1), Number(2)), Number(3))) == "(1+2)*3"

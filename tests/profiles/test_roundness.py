@@ -1,0 +1,171 @@
+"""Roundness against known profiles: the least squares circle, the Gaussian filter, harmonics, invariances."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.problem import ProfileError
+from profiles.roundness import (
+    centred_profile,
+    equally_spaced,
+    evaluate,
+    gaussian_filter,
+    gaussian_transmission,
+)
+
+ANGLE = np.arange(3600) / 10
+THETA = np.radians(ANGLE)
+LOBES = 27.5 * np.sin(3 * THETA)
+EIGHT = [0.0, 3.0, 1.0, -2.0, 4.0, -1.0, 2.0, -3.0]
+
+
+def waves(angle_deg: NDArray[np.float64], *parts: tuple[int, float, float]) -> NDArray[np.float64]:
+    total = np.zeros_like(angle_deg)
+    for n, amplitude, phase_deg in parts:
+        total += amplitude * np.cos(n * np.radians(angle_deg - phase_deg))
+    return total
+
+
+def refusal(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: float | None = None) -> str:
+    with pytest.raises(ProfileError) as caught:
+        evaluate(angle_deg, deviation_um, filter_upr)
+    return caught.value.problems[0].code
+
+
+def test_three_lobes_of_55_um() -> None:
+    result = evaluate(ANGLE, LOBES, None, state="free")
+    assert result.ront_um == pytest.approx(55, abs=1e-9)
+    assert (result.ronp_um, result.ronv_um) == pytest.approx((27.5, 27.5), abs=1e-9)
+    assert result.ronq_um == pytest.approx(19.445436, abs=1e-6)
+    assert result.eccentricity_um == pytest.approx(0, abs=1e-9)
+    assert (result.reference_circle, result.filter_upr, result.state) == ("LSC", None, "free")
+    assert result.points == 3600
+    lobe = result.harmonics[1]
+    assert (lobe.n, lobe.amplitude_um, lobe.phase_deg) == pytest.approx((3, 27.5, 30), abs=1e-9)
+    assert [harmonic.n for harmonic in result.harmonics] == list(range(2, 16))
+
+
+def test_an_eccentric_part_is_as_round() -> None:
+    result = evaluate(ANGLE, LOBES + 12 * np.cos(THETA) - 7 * np.sin(THETA), None)
+    assert (result.centre_x_um, result.centre_y_um) == pytest.approx((12, -7), abs=1e-9)
+    assert result.ront_um == pytest.approx(55, abs=1e-9)
+
+
+def test_eight_points() -> None:
+    result = evaluate(np.arange(8) * 45, EIGHT, None)
+    assert result.ront_um == pytest.approx(6.310660, abs=1e-6)
+    assert (result.centre_x_um, result.centre_y_um) == pytest.approx((-0.469670, 0.633883), abs=1e-6)
+    assert result.mean_deviation_um == pytest.approx(0.5)
+    assert [harmonic.n for harmonic in result.harmonics] == [2, 3]
+
+
+# ISO 16610-21, transmission at n for cut-offs of 15, 50 and 150 UPR.
+FILTER_TABLE = {
+    15: {1: 0.99692, 3: 0.97265, 6: 0.89503, 9: 0.77916, 15: 0.5, 30: 0.0625, 50: 0.00045, 100: 0},
+    50: {1: 0.99972, 3: 0.99751, 6: 0.99007, 9: 0.97779, 15: 0.93952, 30: 0.77916, 50: 0.5, 150: 0.00195},
+    150: {1: 0.99997, 3: 0.99972, 6: 0.99889, 9: 0.99751, 50: 0.92587, 100: 0.73487, 150: 0.5},
+}
+
+
+@pytest.mark.parametrize("cutoff", FILTER_TABLE)
+def test_the_filter(cutoff: int) -> None:
+    for n, transmission in FILTER_TABLE[cutoff].items():
+        assert float(gaussian_transmission(n, cutoff)) == pytest.approx(transmission, abs=5.1e-6)
+        passed = gaussian_filter(np.cos(n * THETA), cutoff)
+        np.testing.assert_allclose(passed, transmission * np.cos(n * THETA), atol=1e-5)
+
+
+def test_a_15_upr_filter_takes_1_5_um_off_the_lobe() -> None:
+    assert evaluate(ANGLE, LOBES, 15).ront_um == pytest.approx(53.50, abs=0.005)
+
+
+def test_a_filter_does_not_move_the_centre() -> None:
+    result = evaluate(ANGLE, LOBES + 12 * np.cos(THETA), 15)
+    assert result.centre_x_um == pytest.approx(12, abs=1e-9)
+
+
+def test_the_profile_comes_back_in_the_given_order() -> None:
+    order = np.random.default_rng(1).permutation(3600)
+    expected = centred_profile(ANGLE, LOBES + 3 * np.cos(40 * THETA))
+    shuffled = centred_profile(ANGLE[order], (LOBES + 3 * np.cos(40 * THETA))[order])
+    np.testing.assert_allclose(shuffled, expected[order], atol=1e-9)
+
+
+def test_unequal_angles_are_fitted_but_not_filtered() -> None:
+    angle = np.sort(np.random.default_rng(2).uniform(0, 360, 400))
+    deviation = 5 + waves(angle, (1, 40.0, 77.0), (3, 27.5, 10.0), (2, 4.0, 100.0))
+    result = evaluate(angle, deviation, None)
+    # The circle of unequal points takes a little of the lobes with it; all harmonics fitted together do not.
+    assert result.amplitude_um(3) == pytest.approx(27.5, abs=1e-6)
+    assert result.amplitude_um(2) == pytest.approx(4, abs=1e-6)
+    assert result.harmonics[1].phase_deg == pytest.approx(10, abs=1e-6)
+    assert refusal(angle, deviation, filter_upr=50) == "trace.unequal_angles"
+
+
+def test_rounded_angles_are_equally_spaced() -> None:
+    assert equally_spaced(np.round(np.arange(1024) * 360 / 1024, 3))
+    assert equally_spaced([350, 80, 170, 260])
+    assert not equally_spaced([0, 90, 180, 271])
+
+
+def test_few_points_for_a_filter_are_a_warning() -> None:
+    angle = np.arange(136) * 360 / 136
+    assert [w.limit for w in evaluate(angle, 0 * angle, 50).warnings] == [">= 350"]
+    assert evaluate(ANGLE, LOBES, 50).warnings == ()
+    assert evaluate(angle, 0 * angle, None).warnings == ()
+
+
+@pytest.mark.parametrize(("eccentricity_um", "ovality"), [(50, None), (100, "0.192 um"), (500, "4.81 um")])
+def test_a_part_far_off_centre_is_a_warning(eccentricity_um: float, ovality: str | None) -> None:
+    result = evaluate(ANGLE, LOBES + eccentricity_um * np.sin(THETA), None, radius_mm=26.0)
+    assert [warning.value for warning in result.warnings] == ([ovality] if ovality else [])
+
+
+def test_refusals() -> None:
+    assert refusal([0, 90, 180], [0, 0, 0]) == "trace.few_points"
+    assert refusal([0, 90, 180, 270], [0, 0, 0]) == "trace.columns"
+    assert refusal([0, 90, 180, 270], [0, 0, 0, math.nan]) == "trace.not_finite"
+    assert refusal([0, 0.1, 0.2, 0.3, 0.4], [0, 1, 0, 1, 0]) == "trace.narrow_angles"
+    assert refusal([10] * 5, [0, 1, 0, 1, 0]) == "trace.narrow_angles"
+    for cutoff in (0, -1, math.nan, math.inf):
+        assert refusal(ANGLE, LOBES, filter_upr=cutoff) == "value.out_of_range"
+
+
+DEVIATIONS = st.lists(st.floats(-100, 100), min_size=16, max_size=64)
+
+
+@given(DEVIATIONS, st.floats(-50, 50), st.floats(-50, 50), st.floats(-500, 500), st.floats(0, 360))
+def test_centre_offset_and_start_angle_do_not_matter(
+    deviations: list[float], x: float, y: float, mean: float, start: float
+) -> None:
+    deviation = np.array(deviations)
+    angle = np.arange(deviation.size) * 360 / deviation.size
+    shifted = deviation + mean + x * np.cos(np.radians(angle)) + y * np.sin(np.radians(angle))
+    for cutoff in (None, 15.0):
+        plain, moved = (evaluate(angle, d, cutoff) for d in (deviation, shifted))
+        turned = evaluate(angle + start, deviation, cutoff)
+        for other in (moved, turned):
+            assert other.ront_um == pytest.approx(plain.ront_um, abs=1e-9)
+            assert other.ronq_um == pytest.approx(plain.ronq_um, abs=1e-9)
+        assert moved.centre_x_um - plain.centre_x_um == pytest.approx(x, abs=1e-9)
+
+
+@given(DEVIATIONS, st.floats(0.01, 100))
+def test_scaling(deviations: list[float], factor: float) -> None:
+    angle = np.arange(len(deviations)) * 360 / len(deviations)
+    small, large = (evaluate(angle, np.array(deviations) * k, None).ront_um for k in (1, factor))
+    assert large == pytest.approx(factor * small, rel=1e-9, abs=1e-9)
+
+
+@given(st.integers(2, 15), st.floats(0.01, 500), st.floats(-720, 720))
+def test_a_harmonic_is_found_with_its_first_crest(n: int, amplitude: float, crest_deg: float) -> None:
+    result = evaluate(ANGLE[::10], waves(ANGLE[::10], (n, amplitude, crest_deg)), None)
+    found = result.harmonics[n - 2]
+    assert found.n == n and 0 <= found.phase_deg < 360 / n
+    assert found.amplitude_um == pytest.approx(amplitude, rel=1e-9)
+    np.testing.assert_allclose(math.cos(n * math.radians(found.phase_deg - crest_deg)), 1, atol=1e-9)
+    assert all(other.amplitude_um < 1e-9 * amplitude for other in result.harmonics if other.n != n)

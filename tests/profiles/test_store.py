@@ -1,0 +1,193 @@
+"""Profiles are found by name or path, saved in one step, and nothing on a disk can hang the reader."""
+
+import hashlib
+import os
+import stat
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from profiles.fields import Field, Kind
+from profiles.job import JOB_FIELDS, Job
+from profiles.problem import ProfileError
+from profiles.store import BUNDLED_JOBS, list_jobs, list_machines, load_job, load_machine, save_job
+
+ONE = load_job("lee-2001-experiment-1").job
+
+
+def code_of(action: Callable[[], object]) -> str:
+    with pytest.raises(ProfileError) as caught:
+        action()
+    assert len(caught.value.problems) == 1
+    assert str(caught.value.problems[0]).isprintable()
+    return caught.value.problems[0].code
+
+
+def test_table_6_of_the_paper() -> None:
+    two = load_job("lee-2001-experiment-2").job
+    for job, values in ((ONE, (52, 2.5, 0.1, 55)), (two, (35, 1.5, 0.06, 33))):
+        met = (job.diameter_mm, job.wall_thickness_mm, job.depth_of_cut_mm, job.lobe_error_um_pp)
+        assert met == pytest.approx(values, abs=0)
+        assert job.material == "Al"
+        assert (job.spindle_speed_rpm, job.overhang_mm, job.jaws) == pytest.approx((1000, 30, 3), abs=0)
+        assert job.lobe_error_source == "measured"
+        # What the paper does not say must not pass for its own.
+        assert {"chucking_force_n", "feed_mm_per_rev", "cut_length_mm", "lobe_phase_deg"} <= set(job.assumed)
+
+
+def test_bundled_names() -> None:
+    assert [entry.name for entry in list_jobs()] == ["lee-2001-experiment-1", "lee-2001-experiment-2"]
+    assert [(entry.name, entry.bundled) for entry in list_machines()] == [("lee-2001-lathe", True)]
+
+
+def test_the_hash_is_that_of_the_bytes() -> None:
+    loaded = load_job("lee-2001-experiment-1")
+    assert loaded.sha256 == hashlib.sha256(loaded.path.read_bytes()).hexdigest()
+
+
+def test_the_users_folder_comes_first(tmp_path: Path) -> None:
+    save_job(replace(ONE, name="mine"), tmp_path / "lee-2001-experiment-1.toml")
+    assert load_job("lee-2001-experiment-1", tmp_path).job.name == "mine"
+    assert [entry.bundled for entry in list_jobs(tmp_path)] == [False, True]
+
+
+def test_a_missing_folder_of_the_user_is_no_error(tmp_path: Path) -> None:
+    assert len(list_jobs(tmp_path / "none")) == 2
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(ProfileError) as caught:
+        load_job("no\nsuch")
+    problem = caught.value.problems[0]
+    assert (problem.code, problem.value) == ("job.unknown", '"no\\nsuch"')
+    assert problem.limit == "lee-2001-experiment-1 | lee-2001-experiment-2"
+    assert code_of(lambda: load_machine("")) == "machine.unknown"
+
+
+def test_a_path_is_taken_as_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    save_job(ONE, tmp_path / "a.toml")
+    monkeypatch.chdir(tmp_path)
+    assert load_job("a.toml").job == load_job("./a.toml").job == ONE
+    with pytest.raises(ProfileError) as caught:
+        load_job("./gone.toml")
+    assert (caught.value.problems[0].code, caught.value.problems[0].where) == ("file.unreadable", "gone.toml")
+
+
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "folder.toml").mkdir()
+    (tmp_path / "loop.toml").symlink_to(tmp_path / "loop.toml")
+    names = ["pipe.toml", "folder.toml", "loop.toml", "a\0b.toml", "x" * 5000 + ".toml", "gone/a.toml"]
+    for path in ["/dev/zero", "/dev/null", *(f"{tmp_path}/{name}" for name in names)]:
+        assert code_of(partial(load_job, path)) == "file.unreadable"
+        assert code_of(partial(load_machine, path)) == "file.unreadable"
+
+
+def test_a_file_without_permission(tmp_path: Path) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("root may read everything")
+    save_job(ONE, tmp_path / "a.toml")
+    (tmp_path / "a.toml").chmod(0)
+    assert code_of(lambda: load_job(f"{tmp_path}/a.toml")) == "file.unreadable"
+
+
+def test_a_file_above_the_cap(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_bytes(b"#" * 1_000_001)
+    assert code_of(lambda: load_job(f"{tmp_path}/a.toml")) == "file.too_large"
+
+
+def test_nothing_is_overwritten_unless_asked(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    save_job(ONE, path)
+    assert code_of(lambda: save_job(replace(ONE, jaws=4), path)) == "file.exists"
+    assert load_job(str(path)).job == ONE
+    save_job(replace(ONE, jaws=4), path, overwrite=True)
+    assert load_job(str(path)).job.jaws == 4
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.toml"]
+
+
+def test_comments_survive_a_save(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    text = (BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_text(encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
+    save_job(replace(ONE, feed_mm_per_rev=0.08), path, overwrite=True)
+    assert path.read_text(encoding="utf-8") == text.replace(
+        "feed_mm_per_rev = 0.05 ", "feed_mm_per_rev = 0.08 "
+    )
+
+
+def test_what_is_no_job_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_bytes(b"\xffnonsense")
+    save_job(ONE, path, overwrite=True)
+    assert load_job(str(path)).job == ONE
+
+
+def test_bundled_places_are_never_written(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(BUNDLED_JOBS)
+    for path in (BUNDLED_JOBS / "new.toml", tmp_path / "link" / "new.toml"):
+        assert code_of(partial(save_job, ONE, path, overwrite=True)) == "file.bundled"
+    assert len(list_jobs()) == 2
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "folder.toml").mkdir()
+    for path in (tmp_path / "gone" / "a.toml", tmp_path / "folder.toml", Path("/dev/null"), tmp_path / "a\0"):
+        assert code_of(partial(save_job, ONE, path, overwrite=True)) == "file.not_writable"
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_a_job_that_could_not_be_loaded_is_not_saved(tmp_path: Path) -> None:
+    assert code_of(lambda: save_job(replace(ONE, jaws=1), tmp_path / "a.toml")) == "value.out_of_range"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_link_stays_a_link_and_keeps_the_mode(tmp_path: Path) -> None:
+    real, link = tmp_path / "real.toml", tmp_path / "link.toml"
+    save_job(ONE, real)
+    real.chmod(0o640)
+    link.symlink_to(real)
+    save_job(replace(ONE, jaws=4), link, overwrite=True)
+    assert link.is_symlink() and load_job(str(real)).job.jaws == 4
+    assert stat.S_IMODE(real.stat().st_mode) == 0o640
+
+
+# Everything printable in all scripts; the other categories are controls, formats and odd spaces.
+LETTERS = st.characters(codec="utf-8", exclude_categories=("C", "Z"))
+TEXTS = st.text(LETTERS, min_size=1, max_size=80) | st.sampled_from(
+    ["a b", "알루미늄 링", 'q"q', "b\\s", "#"]
+)
+
+
+def values_of(field: Field) -> st.SearchStrategy[object]:
+    if field.kind is Kind.CHOICE:
+        return st.sampled_from(field.choices)
+    if field.kind is Kind.TEXTS:
+        return st.lists(st.sampled_from(field.choices)).map(tuple)
+    if field.kind is Kind.TEXT:
+        return TEXTS if field.required else TEXTS | st.just("")
+    low = field.at_least if field.above is None else field.above
+    assert low is not None and field.at_most is not None
+    if field.kind is Kind.WHOLE:
+        return st.integers(int(low), int(field.at_most))
+    return st.floats(low, field.at_most, exclude_min=field.above is not None)
+
+
+JOBS = st.fixed_dictionaries({field.key: values_of(field) for field in JOB_FIELDS}).map(
+    lambda values: Job(**values)  # type: ignore[arg-type]
+)
+
+
+@settings(max_examples=40)
+@given(job=JOBS, other=JOBS)
+def test_what_is_saved_is_loaded(tmp_path_factory: pytest.TempPathFactory, job: Job, other: Job) -> None:
+    path = tmp_path_factory.mktemp("jobs") / "a.toml"
+    save_job(job, path)
+    assert load_job(str(path)).job == job
+    save_job(other, path, overwrite=True)
+    assert load_job(str(path)).job == other
