@@ -10,9 +10,11 @@ import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from drivers.errors import DriverError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, extent, loop_lines, run_through
 from drivers.pmac.dialect import PMAC
+from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import ProgramText, read_program
 from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program, spindle_start_counts
 from drivers.pmac.programs.pvt import pvt_program
@@ -54,18 +56,18 @@ class CutPlan:
     findings: tuple[Finding, ...]
 
 
-def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int = DEFAULT_TS_MS) -> CutPlan:
-    """Plan a cut. `ts_ms` is the TS of the `paper` strategy, whole ms.
+def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None) -> CutPlan:
+    """Plan a cut. `ts_ms` is the TS of the `paper` strategy in whole ms, None as printed.
 
     Raises:
-        ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `response.too_small`).
-        PmacError: the controller would refuse the program.
+        ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `response.too_small`),
+            or the controller would refuse it (`program.refused`).
     """
     wanted = wanted_path(job)
     command: Sinusoid | None = None
     if strategy is Strategy.PAPER:
         setup = cut_setup(job, machine, spindle_start_counts(job, machine))
-        text = paper_program(job, machine, setup, ts_ms)
+        text = paper_program(job, machine, setup, DEFAULT_TS_MS if ts_ms is None else ts_ms)
         tool_start = setup.surface
     else:
         setup = cut_setup(job, machine)
@@ -73,13 +75,7 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int =
         command = _inverse(job, machine, wanted) if strategy is Strategy.PVT else flat
         text = pvt_program(job, setup, command)
         tool_start = setup.retracted
-    program = read_program(text)
-    checked = run_through(
-        program,
-        settings_of(machine),
-        read_definitions(machine.controller.axis_definitions),
-        _start(machine, setup, tool_start),
-    )
+    program, checked = _checked(text, machine, _start(machine, setup, tool_start))
     loop = _steady_moves(program, checked)
     speed_rpm = _speed_rpm(loop, checked, machine)
     return CutPlan(
@@ -100,6 +96,20 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int =
             *_servo_findings(job, machine, command),
         ),
     )
+
+
+def _checked(text: str, machine: MachineProfile, start: dict[int, float]) -> tuple[ProgramText, CheckedProgram]:
+    """Read a program and run it through.
+
+    Raises:
+        DriverError: `program.refused`.
+    """
+    definitions = read_definitions(machine.controller.axis_definitions)
+    try:
+        program = read_program(text)
+        return program, run_through(program, settings_of(machine), definitions, start)
+    except PmacError as error:
+        raise DriverError(Problem(code="program.refused", value=str(error))) from error
 
 
 def settings_of(machine: MachineProfile) -> dict[int, float]:

@@ -22,8 +22,11 @@ from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-POLL_S = 0.023
+CUT_POLL_S = 0.023
 """Time between two looks during a cut: no whole part of any usual turn, so that every angle is met."""
+
+JOG_POLL_S = 0.1
+"""Time between two looks at an axis on its way."""
 
 REST_TIMEOUT_S = 15.0
 STOP_REPEAT_S = 0.2
@@ -269,7 +272,7 @@ class Lathe:
     ) -> Snapshot:
         deadline = self._clock.now_s() + timeout_s
         while True:
-            self._clock.wait(POLL_S)
+            self._clock.wait(JOG_POLL_S if watch is None else CUT_POLL_S)
             self.stop.check()
             snapshot = self.snapshot()
             if snapshot.faults:

@@ -16,6 +16,8 @@ FLUSH = b"\x18"
 
 REPLY_TIMEOUT_S = 2.0
 QUIET_S = 0.1
+DRAIN_LIMIT_S = 2.0
+"""After this something that talks without end is no controller; the next reply will show it."""
 LINE_LIMIT = 250
 """Characters of one command line; the card's own limit is 255."""
 
@@ -139,6 +141,7 @@ class PmacClient:
 
     def _drain(self) -> None:
         """Read until the line has been quiet, and forget what came."""
-        while self.link.receive(QUIET_S):
+        deadline = self._clock.now_s() + DRAIN_LIMIT_S
+        while self.link.receive(QUIET_S) and self._clock.now_s() < deadline:
             pass
         self._buffer = b""

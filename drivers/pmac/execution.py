@@ -224,6 +224,8 @@ class ProgramRun:
     def _request(self, targets: dict[str, float], velocities: dict[str, float]) -> Request:
         start, self._positions = self._positions, targets
         if self._modes.mode == "PVT":
+            if self._modes.pvt_ms == 0:
+                raise PmacError(ErrorCode.DATA_ERROR, "a PVT segment of no time")
             unit_ms = self._modal(90) or 1000.0
             return PvtRequest(
                 line=self.line,
@@ -237,7 +239,11 @@ class ProgramRun:
 
     def _linear(self, targets: dict[str, float], tm_ms: float) -> LinearRequest:
         return LinearRequest(
-            line=self.line, targets=targets, ta_ms=self._modal(87), ts_ms=self._modal(88), tm_ms=tm_ms
+            line=self.line,
+            targets=targets,
+            ta_ms=self._variables.blend_ms(self._system, 87),
+            ts_ms=self._variables.blend_ms(self._system, 88),
+            tm_ms=tm_ms,
         )
 
     def _move_time_ms(self, start: Mapping[str, float], targets: Mapping[str, float]) -> float:

@@ -36,8 +36,11 @@ MOTOR_BITS: BitTable = {
 }
 
 SYSTEM_BITS: BitTable = {
+    "z_feedrate": (1, 23),
     "z_incremental": (1, 22),
+    "y_feedrate": (1, 21),
     "y_incremental": (1, 20),
+    "x_feedrate": (1, 19),
     "x_incremental": (1, 18),
     "by_move_time": (1, 3),
     "continuous_motion": (1, 2),

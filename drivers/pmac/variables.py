@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
@@ -9,6 +10,10 @@ from drivers.pmac.language.syntax import VariableKind
 
 HIGHEST_INDEX = 1023
 """I, P, Q and M run from 0 to 1023 on the non-Turbo controller."""
+
+
+GREATEST_SETTING = 2.0**47
+"""An I-variable that is set beyond this, either way, stays there: no register of the card is wider."""
 
 
 def motor_variable(motor: int, number: int) -> int:
@@ -48,9 +53,10 @@ class VariableStore:
             PmacError: 003, no such variable.
         """
         _check(kind, index)
-        self._values[kind][index] = value
         if kind is VariableKind.I:
+            value = max(-GREATEST_SETTING, min(value, GREATEST_SETTING))
             self.i_revision += 1
+        self._values[kind][index] = value
 
     def i(self, index: int) -> float:
         """Return an I-variable."""
@@ -59,6 +65,10 @@ class VariableStore:
     def motor(self, motor: int, number: int) -> float:
         """Return Ix`number` of a motor."""
         return self.i(motor_variable(motor, number))
+
+    def blend_ms(self, system: int, number: int) -> float:
+        """Return Ix87 (TA) or Ix88 (TS) of a coordinate system as the card takes it: whole ms, never negative."""
+        return float(max(0, math.floor(self.i(coordinate_variable(system, number)) + 0.5)))
 
     def replace_i(self, values: Mapping[int, float]) -> None:
         """Put a whole set of I-variables in the place of the present one (a reset)."""

@@ -34,7 +34,7 @@ def execute(text: str, context: Context) -> None:
 
 
 def _command(scanner: Scanner, text: str, context: Context) -> None:
-    word = scanner.take_word(COMMANDS)
+    word = scanner.take_word(_COMMAND_WORDS)
     if word is not None:
         COMMANDS[word](scanner, context)
         return
@@ -43,7 +43,7 @@ def _command(scanner: Scanner, text: str, context: Context) -> None:
         return
     if _variable(scanner, context):
         return
-    letter = scanner.take_word(_PLAIN)
+    letter = scanner.take_word(_LETTERS)
     if letter is not None:
         _PLAIN[letter](scanner, context)
         return
@@ -88,7 +88,7 @@ def _address_system(scanner: Scanner, context: Context) -> None:
 def _variable(scanner: Scanner, context: Context) -> bool:
     """Answer or assign `P1`, `P1..3`, `P1,3,2`; False when none stands at the cursor."""
     start = scanner.mark()
-    kind = scanner.take_word([str(k) for k in VariableKind])
+    kind = scanner.take_word(_KINDS)
     first = scanner.take_integer() if kind is not None else None
     if kind is None or (first is None and not (kind != "P" and scanner.peek("("))):
         scanner.reset(start)
@@ -255,3 +255,7 @@ _PLAIN: dict[str, _Handler] = {
     "A": _abort,
 }
 """Single letters, looked for after the variables that begin with the same letter."""
+
+_COMMAND_WORDS = tuple(COMMANDS)
+_LETTERS = tuple(_PLAIN)
+_KINDS = tuple(str(kind) for kind in VariableKind)

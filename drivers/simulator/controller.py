@@ -67,8 +67,11 @@ class Controller:
 
     @property
     def cycle_ms(self) -> float:
-        """Servo time as I10 states it, ms: what trajectories are calculated with."""
-        return self.variables.i(10) / I10_PER_MS
+        """Servo time as I10 states it, ms: what trajectories are calculated with.
+
+        I10 has 23 bits and wraps; a 0 would stop the time of every motion, so the least step is taken.
+        """
+        return max(1, int(self.variables.i(10)) % int(I10_PER_MS)) / I10_PER_MS
 
     @property
     def now_ms(self) -> float:
@@ -105,10 +108,13 @@ class Controller:
         """Assign a motor to an axis of a coordinate system.
 
         Raises:
-            PmacError: 001 while a program runs, 003 when the motor belongs to another system.
+            PmacError: 001 while a program moves axes, 003 when the motor belongs to another system, 013 when
+                this machine has no such motor.
         """
-        if self.any_program_running:
+        if any(other.running or other.moving for other in self.systems.values()):
             raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "axis definition")
+        if motor not in self.motors:
+            raise PmacError(ErrorCode.NOT_ACTIVATED, f"motor {motor}")
         owner = self.system_of(motor)
         if owner is not None and owner.number != system:
             raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} is in &{owner.number}")
@@ -144,10 +150,12 @@ class Controller:
     def reset(self, factory: Mapping[int, float] | None = None) -> None:
         """Start again from the machine's settings, or from factory defaults without axes."""
         self.kill_all()
+        for motor in self.motors.values():
+            motor.home_complete = motor.fatal_error = False
         self.open_buffer = None
         self.variables.replace_i(self._profile_i_variables if factory is None else factory)
         for system in self.systems.values():
-            system.definitions.clear()
+            system.reset()
         if factory is not None:
             self.programs.clear()
             return
@@ -158,7 +166,7 @@ class Controller:
         """A fatal following error kills the motor and, as Ix25 says, its neighbours; the others ramp down."""
         system = self.system_of(motor.number)
         if system is not None:
-            system.abort()
+            system.abort(closing=False)
         mode = int(motor.variable(25)) >> 21 & 3
         others = self.motors.values() if mode == 0 else system.motors if system and mode == 1 else [motor]
         for other in others:

@@ -76,15 +76,24 @@ class CoordinateSystem:
             self._player.append(self._halt())
             self.running = False
 
-    def abort(self) -> None:
-        """Forget the program; each motor ramps down by itself."""
+    def abort(self, closing: bool = True) -> None:
+        """Forget the program; each motor ramps down by itself, and `closing` closes the loops that are open."""
         self._drop()
         for motor in self.motors:
-            motor.abort()
+            if closing or motor.enabled:
+                motor.abort()
 
     def kill(self) -> None:
         """Forget the program; the motors are somebody else's to stop."""
         self._drop()
+
+    def reset(self) -> None:
+        """Forget everything, as at power-up."""
+        self._drop()
+        self.definitions.clear()
+        self.program_number = None
+        self.modes = Modes()
+        self.runtime_error = False
 
     def sample(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
         """Return the commands of a block by motor number, nothing when no motion is being played."""

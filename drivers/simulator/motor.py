@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
 from drivers.pmac.trajectory.jog import JogSettings, change_speed, decelerate, jog_to
 from drivers.pmac.trajectory.pieces import Piece, position_at
+from drivers.pmac.trajectory.planner import SHORTEST_RAMP_MS
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.plant.axis import Axis
 from drivers.simulator.player import Player
@@ -149,6 +150,9 @@ class Motor:
         """Jog for ever in `direction`; 0 stops, and closes the loop of a killed motor."""
         self.enable()
         speed = direction * abs(self.variable(22))
+        if not speed and not self.velocity:
+            self._play(())
+            return
         pieces = change_speed(self.desired, self.velocity, speed, self._jog_settings())
         if speed:
             end = position_at(pieces[-1].cubics[0], pieces[-1].duration_ms)
@@ -220,10 +224,12 @@ class Motor:
         elif self._homing is Homing.OFFSET:
             self._homing = None
 
-    def _play(self, pieces: Iterable[Piece]) -> None:
+    def _play(self, pieces: tuple[Piece, ...]) -> None:
         if self._player is None:
             self._before_jog = self.desired
         self._forget_motion()
+        if not pieces:
+            return
         self._player = Player((self.desired,))
         self._player.append(pieces)
 
@@ -233,9 +239,10 @@ class Motor:
         self.aborting = False
 
     def _jog_settings(self) -> JogSettings:
+        ta_ms, ts_ms = (float(max(0, math.floor(self.variable(n) + 0.5))) for n in (20, 21))
         return JogSettings(
             acceleration=self.variable(19),
-            ta_ms=self.variable(20),
-            ts_ms=self.variable(21),
+            ta_ms=ta_ms or (0.0 if ts_ms else SHORTEST_RAMP_MS),
+            ts_ms=ts_ms,
             speed=abs(self.variable(22)),
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from drivers.pmac.execution import FEEDRATE_AXES
 from drivers.pmac.language.text import format_number
 from drivers.pmac.status import GLOBAL_BITS, MOTOR_BITS, SYSTEM_BITS, encode
 from drivers.simulator.controller import Controller
@@ -52,6 +53,7 @@ def system_status(controller: Controller, number: int) -> str:
     motors = system.motors
     conditions = {
         **{f"{axis.lower()}_incremental": axis in system.modes.incremental for axis in "XYZ"},
+        **{f"{axis.lower()}_feedrate": axis in FEEDRATE_AXES for axis in "XYZ"},
         "by_move_time": system.modes.by_move_time,
         "continuous_motion": system.running,
         "running_program": system.running,

@@ -53,15 +53,15 @@ def test_eq_6_has_a_cosine_too() -> None:
 
 def test_the_rule_is_eq_11_where_jaw_1_stands_at_90_deg() -> None:
     # The paper's plain cut takes most at 30 deg, so its part is high at 90 deg.
-    job = replace(ONE, lobe_phase_deg=90.0)
+    assert ONE.lobe_phase_deg == 90
     expected = compensated_depth_um(TURN_DEG, a0_um=100, a1_um=27.5)
-    np.testing.assert_allclose(wanted_path_um(job, TURN_DEG), expected, atol=1e-9)
+    np.testing.assert_allclose(wanted_path_um(ONE, TURN_DEG), expected, atol=1e-9)
 
 
 def test_the_tool_moves_in_where_the_part_is_high() -> None:
     lobe = free_state_lobe_um(ONE, TURN_DEG)
     assert lobe.shape == TURN_DEG.shape
-    assert lobe[0] == lobe.max() == 27.5
+    assert free_state_lobe_um(ONE, ONE.lobe_phase_deg) == lobe.max() == 27.5
     np.testing.assert_allclose(wanted_path_um(ONE, TURN_DEG) - 100, lobe, atol=1e-12)
 
 
@@ -83,7 +83,7 @@ def test_the_command_of_experiment_1(
 ) -> None:
     command = invert(wanted_path(ONE), cmath.rect(gain, phase_rad))
     assert command.amplitude_um == pytest.approx(amplitude_um, abs=0.005)
-    assert command.crest_deg == pytest.approx(-lobe_lead_deg / 3, abs=0.005)
+    assert command.crest_deg == pytest.approx(ONE.lobe_phase_deg - lobe_lead_deg / 3, abs=0.005)
     assert command.mean_um == 100
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Collection
+from functools import lru_cache
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 
@@ -75,14 +75,13 @@ class Scanner:
         if not self.accept(word):
             raise self.refusal(f"expected {word}")
 
-    def take_word(self, words: Collection[str]) -> str | None:
+    def take_word(self, words: tuple[str, ...]) -> str | None:
         """Go past the longest of `words` (upper case, no spaces) that stands at the cursor."""
-        found = ""
-        for word in words:
-            if len(word) > len(found) and self._text.startswith(word, self._cursor):
-                found = word
-        self._cursor += len(found)
-        return found or None
+        found = _longest_first(words).match(self._text, self._cursor)
+        if found is None:
+            return None
+        self._cursor = found.end()
+        return found.group()
 
     def take_number(self) -> float | None:
         """Go past an unsigned constant: `12`, `12.5`, `.5` or, in hexadecimal, `$1F`. No exponent.
@@ -135,6 +134,12 @@ class Scanner:
             return None
         self._cursor = found.end()
         return found.group()
+
+
+@lru_cache(maxsize=64)
+def _longest_first(words: tuple[str, ...]) -> re.Pattern[str]:
+    """Return a pattern of the words; the tables are few, and looked at for every command."""
+    return re.compile("|".join(re.escape(word) for word in sorted(words, key=len, reverse=True)))
 
 
 def _condense(text: str) -> tuple[str, list[int], list[int]]:

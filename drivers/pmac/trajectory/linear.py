@@ -74,17 +74,18 @@ def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing
     ta_ms = max(move.ta_ms, 2.0 * move.ts_ms)  # rule 1
     if ta_ms <= 0.0:
         raise NoAccelerationTimeError
-    tm_ms = min(move.tm_ms, MOVE_TIME_MAX_MS)
+    tm_ms = move.tm_ms
     for distance, limit in zip(move.distance, limits.velocity, strict=True):
         if limit > 0.0:
             tm_ms = max(tm_ms, abs(distance) / limit)  # Ix16: all axes slow together
+    tm_ms = min(tm_ms, MOVE_TIME_MAX_MS)  # rule 6
     nominal_ms = max(tm_ms, ta_ms)
     for distance, was, limit in zip(move.distance, before, limits.acceleration, strict=True):
         if limit > 0.0:
             # Ix17 guards the change into this move, and the stop that may follow it.
             velocity = distance / nominal_ms
             change = max(abs(velocity - was), abs(velocity))
-            ta_ms = max(ta_ms, change / limit + move.ts_ms)
+            ta_ms = max(ta_ms, min(change / limit + move.ts_ms, MOVE_TIME_MAX_MS))
     return Timing(ta_ms=ta_ms, ts_ms=move.ts_ms, tm_ms=max(tm_ms, ta_ms))  # rule 2
 
 

@@ -30,7 +30,13 @@ from drivers.pmac.trajectory.linear import (
     stop,
 )
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, ramp
-from drivers.pmac.variables import VariableStore, coordinate_variable
+from drivers.pmac.variables import VariableStore
+
+FARTHEST_COUNTS = 2.0**47 / (96 * 32)
+"""Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""
+
+SHORTEST_RAMP_MS = 1.0
+"""How a motion comes to rest when TA and TS, both zero, leave it no time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +107,7 @@ class MotionPlanner:
         velocity = self._pvt_velocity
         self._pvt_velocity = None
         if velocity is None or not any(velocity):
-            return self._stop()
+            return self._stop(SHORTEST_RAMP_MS)
         times = [abs(v) / rate if rate > 0.0 else 0.0 for v, rate in zip(velocity, rates, strict=True)]
         still = tuple(0.0 for _ in velocity)
         return ramp(self._blend.target, velocity, still, max(times) or 1.0, 0.0, calculates=False)
@@ -118,10 +124,11 @@ class MotionPlanner:
         return Planned(pieces=pieces, record=record)
 
     def _pvt(self, request: PvtRequest) -> Planned:
-        stopping = self._stop() if self._pvt_velocity is None else ()
-        before = self._pvt_velocity or tuple(0.0 for _ in self._definitions)
         target = self._counts(request.targets)
         after = tuple(d.scale * request.velocities.get(d.axis, 0.0) for d in self._definitions)
+        _check_range("velocity", after)
+        stopping = self._stop() if self._pvt_velocity is None else ()
+        before = self._pvt_velocity or tuple(0.0 for _ in self._definitions)
         segment = hermite(self._blend.target, before, target, after, request.duration_ms)
         self._blend, self._pvt_velocity = at_rest(target), after
         asked = Timing(ta_ms=0.0, ts_ms=0.0, tm_ms=request.duration_ms)
@@ -137,12 +144,14 @@ class MotionPlanner:
             pieces = (*pieces, constant(self._blend.target, still, wait_ms))
         return Planned(pieces=pieces)
 
-    def _stop(self) -> tuple[Piece, ...]:
+    def _stop(self, least_ms: float = 0.0) -> tuple[Piece, ...]:
         """Come to rest with the TA and TS now in force; a PVT sequence ends as it was told to."""
         if self._pvt_velocity is not None:
             self._end_pvt()
             return ()
-        pieces = stop(self._blend, self._coordinate(87), self._coordinate(88), self._limits())
+        ta_ms = max(self._variables.blend_ms(self._system, 87), least_ms)
+        ts_ms = self._variables.blend_ms(self._system, 88)
+        pieces = stop(self._blend, ta_ms, ts_ms, self._limits())
         self._blend = at_rest(self._blend.target)
         return pieces
 
@@ -152,7 +161,9 @@ class MotionPlanner:
         self._pvt_velocity = None
 
     def _counts(self, targets: Mapping[str, float]) -> Vector:
-        return tuple(d.counts(targets[d.axis]) for d in self._definitions)
+        counts = tuple(d.counts(targets[d.axis]) for d in self._definitions)
+        _check_range("position", counts)
+        return counts
 
     def _limits(self) -> Limits:
         """Ix16 and Ix17 count only while moves are not segmented (I13 = 0)."""
@@ -167,5 +178,9 @@ class MotionPlanner:
     def _interrupt_ms(self) -> float:
         return (self._variables.i(8) + 1.0) * self._variables.i(10) / 8_388_608.0
 
-    def _coordinate(self, number: int) -> float:
-        return self._variables.i(coordinate_variable(self._system, number))
+
+def _check_range(what: str, values: Vector) -> None:
+    """Refuse what the registers of the card cannot hold; a nan is beyond them too."""
+    for value in values:
+        if not abs(value) <= FARTHEST_COUNTS:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{what} {value:g}, up to {FARTHEST_COUNTS:g} counts")

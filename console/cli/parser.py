@@ -1,0 +1,161 @@
+"""The command line as a tree of arguments; light enough to be built for every call."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from typing import NoReturn, TypeAlias
+
+from console.text.catalogue import LANGUAGES, Catalogue
+
+DEFAULT_MACHINE = "lee-2001-lathe"
+STRATEGIES = ("none", "paper", "pvt")
+DEFAULT_STRATEGY = "pvt"
+TS_LIMIT_MS = 1000
+
+_WORDING = (
+    (re.compile(r"the following arguments are required: (?P<value>.*)"), "usage.required"),
+    (re.compile(r"unrecognized arguments: (?P<value>.*)"), "usage.unrecognized"),
+    (
+        re.compile(r"argument (?P<key>.*?): invalid choice: (?P<value>.*?) \(choose from (?P<limit>.*)\)"),
+        "usage.choice",
+    ),
+    (re.compile(r"argument (?P<key>.*?): expected one argument"), "usage.value_missing"),
+    (re.compile(r"argument (?P<key>.*?): (?P<value>.*)"), "usage.argument"),
+)
+"""What argparse says, and the sentence of ours for it."""
+
+
+# argparse has no public name for what add_subparsers returns.
+_Commands: TypeAlias = "argparse._SubParsersAction[Parser]"  # noqa: SLF001
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that speaks the operator's language, in one line."""
+
+    text: Catalogue
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the command line, and exit with 2."""
+        said = " ".join(message.split())
+        for pattern, key in _WORDING:
+            match = pattern.fullmatch(said)
+            if match:
+                said = self.text(key, **match.groupdict())
+                break
+        print(f"{self.prog}: {said}", file=sys.stderr)
+        raise SystemExit(2)
+
+
+def build(text: Catalogue) -> Parser:
+    """Return the parser of the whole command line."""
+    Parser.text = text
+    parser = Parser(prog="console", description=text("help.console"), add_help=False, allow_abbrev=False)
+    _titles(parser, text)
+    parser.add_argument("--version", action="store_true", help=text("help.version"))
+    _language(parser, text)
+    commands = parser.add_subparsers(
+        dest="command", metavar="COMMAND", title=text("help.commands"), parser_class=Parser
+    )
+    _jobs(commands, text)
+    _preview(commands, text)
+    _program(commands, text)
+    _run(commands, text)
+    _simulator(commands, text)
+    _roundness(commands, text)
+    return parser
+
+
+def _jobs(commands: _Commands, text: Catalogue) -> None:
+    _command(commands, "jobs", text)
+
+
+def _preview(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "preview", text)
+    _job(parser, text)
+    _machine(parser, text)
+
+
+def _program(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "program", text)
+    _job(parser, text)
+    _machine(parser, text)
+    _strategy(parser, text)
+
+
+def _run(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "run", text)
+    _job(parser, text)
+    _machine(parser, text)
+    parser.add_argument("--sim", action="store_true", help=text("help.sim"))
+    _strategy(parser, text)
+
+
+def _simulator(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "simulator", text)
+    parser.add_argument("--tcp", metavar="HOST:PORT", required=True, help=text("help.tcp"))
+    _machine(parser, text)
+
+
+def _roundness(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "roundness", text)
+    parser.add_argument("file", metavar="FILE.csv", help=text("help.file"))
+    parser.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
+
+
+def _command(commands: _Commands, name: str, text: Catalogue) -> Parser:
+    parser: Parser = commands.add_parser(
+        name,
+        help=text(f"help.{name}"),
+        description=text(f"help.{name}.long"),
+        add_help=False,
+        allow_abbrev=False,
+    )
+    _titles(parser, text)
+    parser.add_argument("--json", action="store_true", help=text("help.json"))
+    parser.add_argument("--data", metavar="FOLDER", help=text("help.data"))
+    _language(parser, text)
+    return parser
+
+
+def _titles(parser: Parser, text: Catalogue) -> None:
+    parser.usage = None
+    parser._positionals.title = text("help.arguments")  # noqa: SLF001 - no public way to name the groups
+    parser._optionals.title = text("help.options")  # noqa: SLF001
+    parser.add_argument("-h", "--help", action="help", help=text("help.help"))
+
+
+def _language(parser: Parser, text: Catalogue) -> None:
+    parser.add_argument("--lang", choices=LANGUAGES, default=argparse.SUPPRESS, help=text("help.lang"))
+
+
+def _job(parser: Parser, text: Catalogue) -> None:
+    parser.add_argument("job", metavar="JOB", help=text("help.job"))
+
+
+def _machine(parser: Parser, text: Catalogue) -> None:
+    parser.add_argument("--machine", metavar="NAME", default=DEFAULT_MACHINE, help=text("help.machine"))
+
+
+def _strategy(parser: Parser, text: Catalogue) -> None:
+    parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=text("help.strategy"))
+    parser.add_argument("--ts", metavar="MS", type=_ts, help=text("help.ts"))
+
+
+def _ts(word: str) -> int:
+    if not (word.isascii() and word.isdigit()) or int(word) > TS_LIMIT_MS:
+        raise argparse.ArgumentTypeError(Parser.text("usage.ts", value=word, limit=TS_LIMIT_MS))
+    return int(word)
+
+
+def _filter(word: str) -> float | None:
+    if word == "none":
+        return None
+    try:
+        value = float(word)
+    except ValueError:
+        value = 0.0
+    if not 1.0 <= value <= 10_000.0:
+        raise argparse.ArgumentTypeError(Parser.text("usage.filter", value=word))
+    return value

@@ -1,0 +1,35 @@
+"""`console program`: the controller program of a job, as it would be sent."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from console.cli.library import job_of, machine_of
+from console.cli.output import print_json
+from console.cli.warn import tell_warnings
+from console.session.run import plan_run
+from console.text.catalogue import Catalogue
+from drivers.cut import Strategy
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Print the program; what the checker found goes to stderr."""
+    job, machine = job_of(options).job, machine_of(options).machine
+    plan = plan_run(job, machine, Strategy(options.strategy), options.ts)
+    warnings = tell_warnings(plan, text)
+    if options.json:
+        print_json(
+            {
+                "job": job.name,
+                "machine": machine.name,
+                "strategy": options.strategy,
+                "program": plan.cut.text,
+                "spindle_rpm": plan.cut.spindle_speed_rpm,
+                "lobe_frequency_hz": plan.cut.spindle_speed_rpm * job.jaws / 60.0,
+                "duration_s": plan.cut.duration_s,
+                "warnings": warnings,
+            }
+        )
+    else:
+        print(plan.cut.text, end="")
+    return 0

@@ -1,0 +1,102 @@
+"""A whole job: the part as it would be without compensation, the part with it, and what was gained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from console.session.interlocks import of_job, of_program, refuse_unless
+from console.session.sequence import CutOutcome, Shop, Step, cut_part
+from console.session.telemetry import CutFigures
+from drivers.cut import CutPlan, Strategy, plan_cut
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.roundness import RoundnessResult, evaluate
+from profiles.rules import Severity, check
+
+FILTER_UPR = 50.0
+"""Cut-off of the filter that before and after are compared with."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunPlan:
+    """What will be done, judged but not begun. `warnings` are told before anything moves."""
+
+    job: Job
+    machine: MachineProfile
+    cut: CutPlan
+    reference: CutPlan
+    warnings: tuple[Problem, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult:
+    """What was done: `before` is the same job cut without compensation, `after` with the strategy."""
+
+    plan: RunPlan
+    simulated: bool
+    before: RoundnessResult
+    after: RoundnessResult
+    figures: CutFigures
+
+    @property
+    def improvement_percent(self) -> float:
+        """How much of the roundness error is gone."""
+        if self.before.ront_um == 0.0:
+            return 0.0
+        return 100.0 * (self.before.ront_um - self.after.ront_um) / self.before.ront_um
+
+    @property
+    def lobe_frequency_hz(self) -> float:
+        """Lobe frequency at the speed that was reached."""
+        return self.plan.job.jaws * self.figures.spindle_speed_rpm / 60.0
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the part is as round as the job asks."""
+        return self.after.ront_um <= self.plan.job.roundness_tolerance_um
+
+
+def plan_run(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None) -> RunPlan:
+    """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
+
+    Raises:
+        ProblemError: every refusal at once; nothing has been touched.
+    """
+    refuse_unless(of_job(job, machine))
+    cut = plan_cut(job, machine, strategy, ts_ms)
+    reference = cut if strategy is Strategy.NONE else plan_cut(job, machine, Strategy.NONE)
+    refuse_unless(of_program(cut), of_program(reference))
+    findings = (*check(job, machine), *cut.findings)
+    warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
+    return RunPlan(job=job, machine=machine, cut=cut, reference=reference, warnings=warnings)
+
+
+def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step, str], None]) -> RunResult:
+    """Cut the reference part and the compensated part, each on a machine of its own, and compare them.
+
+    `tell` is told the part ("before" or "after"), the step and a detail.
+
+    Raises:
+        ProblemError: what went wrong; see `cut_part`.
+    """
+    shop = open_shop()
+    before = cut_part(shop, plan.job, plan.reference, lambda step, detail: tell("before", step, detail))
+    after = before
+    if plan.cut is not plan.reference:
+        shop.lathe.stop.check()
+        shop = open_shop()
+        after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell("after", step, detail))
+    return RunResult(
+        plan=plan,
+        simulated=shop.simulated,
+        before=_roundness(before),
+        after=_roundness(after),
+        figures=after.figures,
+    )
+
+
+def _roundness(outcome: CutOutcome) -> RoundnessResult:
+    trace = outcome.trace
+    return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])

@@ -1,0 +1,138 @@
+"""One cut from a clamped blank to a measured part: load, check, align, arm, cut, retract, measure.
+
+Whatever goes wrong after the machine is there, it is stopped and proven to rest before the error leaves here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from console.session.errors import SessionError
+from console.session.interlocks import Interlock, of_machine, refuse_unless
+from console.session.telemetry import CutFigures, Telemetry
+from drivers.cut import CutPlan
+from drivers.lathe import AxisName, Lathe
+from drivers.stop import StoppedError
+from profiles.job import Job
+from profiles.problem import Problem, ProblemError
+from profiles.traces import Trace
+
+TIME_ALLOWANCE = 1.5
+EXTRA_TIME_S = 5.0
+RETRACT_BAND_COUNTS = 50.0
+
+
+class Step(StrEnum):
+    """The steps in their order."""
+
+    LOAD = "load"
+    CHECK = "check"
+    ALIGN = "align"
+    ARM = "arm"
+    CUT = "cut"
+    RETRACT = "retract"
+    MEASURE = "measure"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shop:
+    """A machine with a way to clamp a new blank and to measure the part that comes off."""
+
+    lathe: Lathe
+    clamp: Callable[[Job], None]
+    measure: Callable[[], Trace]
+    simulated: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutOutcome:
+    """The trace of the released part and the figures read during the cut."""
+
+    trace: Trace
+    figures: CutFigures
+
+
+Tell = Callable[[Step, str], None]
+"""Told at the beginning of every step, with a detail that needs no translation."""
+
+
+def cut_part(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
+    """Make one part.
+
+    Raises:
+        ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
+            could not be proven.
+    """
+    try:
+        return _steps(shop, job, plan, tell)
+    except ProblemError as error:
+        raise _left_at_rest(shop.lathe, error) from error
+    except BaseException:
+        shop.lathe.stop.stop("console error")
+        raise
+
+
+def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
+    lathe = shop.lathe
+    version, kind = lathe.connect()
+    tell(Step.LOAD, f"{kind} {version}")
+    lathe.load(plan.program)
+    tell(Step.CHECK, f"PROG {plan.program.number}")
+    refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
+    tell(Step.ALIGN, "")
+    _align(shop, job, plan)
+    tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
+    refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()))
+    tell(Step.CUT, f"{plan.duration_s:.1f} s")
+    figures = _cut(lathe, job, plan)
+    tell(Step.RETRACT, "")
+    _prove_retracted(lathe, plan)
+    tell(Step.MEASURE, "")
+    return CutOutcome(trace=shop.measure(), figures=figures)
+
+
+def _align(shop: Shop, job: Job, plan: CutPlan) -> None:
+    """Drives on, home, and every axis to its start: tool last, so that it comes in beside the part."""
+    lathe = shop.lathe
+    shop.clamp(job)
+    lathe.enable()
+    lathe.home()
+    lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
+    lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
+    lathe.jog_to(AxisName.TOOL, plan.tool_start)
+
+
+def _cut(lathe: Lathe, job: Job, plan: CutPlan) -> CutFigures:
+    telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
+    lathe.start(plan.program.number)
+    lathe.follow(telemetry.see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
+    figures = telemetry.figures()
+    if figures is None:
+        raise SessionError(
+            Problem(code="session.nothing_seen", key="cut_length_mm", value=f"{job.cut_length_mm:g} mm")
+        )
+    return figures
+
+
+def _prove_retracted(lathe: Lathe, plan: CutPlan) -> None:
+    """The program takes the tool out; the controller must say that it is there and that nothing moves."""
+    snapshot = lathe.snapshot()
+    out = plan.setup.surface
+    if not snapshot.at_rest or snapshot.tool.position > out - RETRACT_BAND_COUNTS:
+        value, limit = f"{snapshot.tool.position:.0f} counts", f"< {out - RETRACT_BAND_COUNTS:.0f} counts"
+        raise SessionError(Problem(code="machine.not_retracted", key="tool", value=value, limit=limit))
+
+
+def _left_at_rest(lathe: Lathe, error: ProblemError) -> ProblemError:
+    """Stop, wait for rest, and return the error to raise; one that could not prove rest says so."""
+    if lathe.stop.reason is None:
+        lathe.stop.stop(error.problems[0].code)
+    try:
+        lathe.wait_for_rest()
+    except ProblemError as unproven:
+        return SessionError(*error.problems, *unproven.problems, Problem(code="machine.state_unknown"))
+    if isinstance(error, StoppedError):
+        return SessionError(*error.problems)
+    return error

@@ -1,0 +1,37 @@
+"""Aligned plain text: a Hangul syllable is two cells wide, and columns must still stand."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Sequence
+
+
+def cell_width(text: str) -> int:
+    """Return how many terminal cells a text takes."""
+    return sum(
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text
+    )
+
+
+def pad(text: str, width: int) -> str:
+    """Fill up with spaces on the right."""
+    return text + " " * max(0, width - cell_width(text))
+
+
+def pad_left(text: str, width: int) -> str:
+    """Fill up with spaces on the left, for numbers."""
+    return " " * max(0, width - cell_width(text)) + text
+
+
+def table(rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> list[str]:
+    """Return the rows with equal column widths; `numeric` columns are set to the right."""
+    if not rows:
+        return []
+    widths = [max(cell_width(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(
+            pad_left(cell, width) if i in numeric else pad(cell, width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]

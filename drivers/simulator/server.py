@@ -1,0 +1,103 @@
+"""The simulated card on a TCP port: an ASCII stream for any number of hosts, in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import Callable
+
+from drivers.errors import LinkError
+from drivers.link.address import TcpAddress
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.port import Port
+from profiles.problem import Problem
+
+TICK_S = 0.005
+MOST_CATCH_UP_S = 0.1
+"""Simulated time made up for in one tick; a host that was asleep for longer loses the rest."""
+
+UNREAD_LIMIT = 1_000_000
+"""Bytes that may wait for a host that does not read before it is cut off."""
+
+
+class _Host(asyncio.Protocol):
+    """One connected host."""
+
+    def __init__(self, lathe: SimulatedLathe, hosts: set[_Host]) -> None:
+        self._lathe = lathe
+        self._hosts = hosts
+        self._port: Port | None = None
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        self._port = self._lathe.connect()
+        self._hosts.add(self)
+
+    def data_received(self, data: bytes) -> None:
+        if self._port is not None:
+            self._port.receive(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._hosts.discard(self)
+        if self._port is not None:
+            self._lathe.disconnect(self._port)
+            self._port = None
+
+    def flush(self) -> None:
+        """Send what the card has answered."""
+        if self._port is None or self._transport is None:
+            return
+        data = self._port.take_output()
+        if data:
+            self._transport.write(data)
+        if self._transport.get_write_buffer_size() > UNREAD_LIMIT:
+            self._transport.abort()
+
+
+def serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[TcpAddress], None]) -> None:
+    """Serve until SIGINT, SIGTERM or SIGHUP. `ready` is told the address that is listened on.
+
+    Raises:
+        LinkError: `link.cannot_listen`.
+    """
+    asyncio.run(_serve(lathe, address, ready))
+
+
+async def _serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[TcpAddress], None]) -> None:
+    loop = asyncio.get_running_loop()
+    ended = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        loop.add_signal_handler(number, ended.set)
+    hosts: set[_Host] = set()
+    try:
+        server = await loop.create_server(lambda: _Host(lathe, hosts), address.host, address.port)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=reason)) from error
+    host, port = server.sockets[0].getsockname()[:2]
+    ready(TcpAddress(host=host, port=port))
+    clock = asyncio.create_task(_run_clock(lathe, hosts))
+    ending = asyncio.create_task(ended.wait())
+    await asyncio.wait({clock, ending}, return_when=asyncio.FIRST_COMPLETED)
+    server.close()
+    for connected in tuple(hosts):
+        connected.flush()
+    ending.cancel()
+    clock.cancel()
+    if clock.done() and not clock.cancelled():
+        clock.result()
+
+
+async def _run_clock(lathe: SimulatedLathe, hosts: set[_Host]) -> None:
+    """Let simulated time keep up with real time."""
+    last = time.monotonic()
+    while True:
+        await asyncio.sleep(TICK_S)
+        now = time.monotonic()
+        lathe.wait(min(now - last, MOST_CATCH_UP_S))
+        last = now
+        for host in tuple(hosts):
+            host.flush()
