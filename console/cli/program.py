@@ -14,8 +14,9 @@ from drivers.cut import Strategy
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print the program; what the checker found goes to stderr."""
-    job, machine = job_of(options).job, machine_of(options).machine
-    plan = plan_run(job, machine, Strategy(options.strategy), options.ts)
+    loaded, machine = job_of(options), machine_of(options).machine
+    job = loaded.job
+    plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path))
     warnings = tell_warnings(plan, text)
     if options.json:
         print_json(

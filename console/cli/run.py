@@ -15,9 +15,11 @@ from profiles.problem import Problem
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from console.session.run import RunResult
+    from console.session.records import RunRecord
+    from console.session.run import RunPlan, RunResult
     from console.session.sequence import Shop, Step
     from profiles.machine import MachineProfile
+    from profiles.store import LoadedJob, LoadedMachine
 
 
 def main(options: Namespace, text: Catalogue) -> int:
@@ -35,38 +37,55 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.output import print_json
     from console.cli.warn import tell_warnings
     from console.session.records import RunRecord
-    from console.session.run import plan_run, run
+    from console.session.run import plan_run
     from drivers.cut import Strategy
 
     job, machine = job_of(options), machine_of(options)
-    plan = plan_run(job.job, machine.machine, Strategy(options.strategy), options.ts)
+    plan = plan_run(job.job, machine.machine, Strategy(options.strategy), options.ts, where=str(job.path))
     warnings = tell_warnings(plan, text)
-    described = {
+    record = RunRecord(data_of(options), _described(job, machine, plan))
+    tell = _teller(options, text, interruption, record.add)
+    result = _recorded(plan, record, _simulated_shop(machine.machine, interruption), tell, warnings)
+    if options.json:
+        print_json(_fields(result, warnings))
+    else:
+        print("\n".join(_lines(result, text)))
+    return 0
+
+
+def _described(job: LoadedJob, machine: LoadedMachine, plan: RunPlan) -> dict[str, object]:
+    return {
         "software": f"trilobe {version('trilobe')}",
         "job": job.job.name,
         "job_sha256": job.sha256,
         "machine": machine.machine.name,
         "machine_sha256": machine.sha256,
-        "simulated": int(options.sim),
-        "strategy": options.strategy,
+        "simulated": 1,
+        "strategy": plan.cut.strategy.value,
         "program": plan.cut.text,
     }
-    record = RunRecord(data_of(options), described)
+
+
+def _recorded(
+    plan: RunPlan,
+    record: RunRecord,
+    open_shop: Callable[[], Shop],
+    tell: Callable[[str, Step, str], None],
+    warnings: list[str],
+) -> RunResult:
+    """Run, and keep in the record how it went, however it ends."""
+    from console.session.run import run
+
     try:
         record.add("planned", {"warnings": warnings, "duration_s": plan.cut.duration_s})
-        result = run(plan, _simulated_shop(machine.machine, interruption), _teller(options, text, record.add))
-        fields = _fields(result, warnings)
-        record.add("result", fields)
+        result = run(plan, open_shop, tell)
+        record.add("result", _fields(result, warnings))
     except BaseException as error:
         record.add("ended", {"reason": str(error) or type(error).__name__})
         raise
     finally:
         record.close()
-    if options.json:
-        print_json(fields)
-    else:
-        print("\n".join(_lines(result, text)))
-    return 0
+    return result
 
 
 def _simulated_shop(machine: MachineProfile, interruption: Interruption) -> Callable[[], Shop]:
@@ -90,15 +109,23 @@ def _simulated_shop(machine: MachineProfile, interruption: Interruption) -> Call
 
 
 def _teller(
-    options: Namespace, text: Catalogue, keep: Callable[[str, dict[str, object]], None]
+    options: Namespace,
+    text: Catalogue,
+    interruption: Interruption,
+    keep: Callable[[str, dict[str, object]], None],
 ) -> Callable[[str, Step, str], None]:
     """Return what is told at each step: a line for people, an event for the record."""
 
     def tell(part: str, step: Step, detail: str) -> None:
         keep("step", {"part": part, "step": step.value, "detail": detail})
-        if not options.json:
+        if options.json:
+            return
+        try:
             print(f"{text('sim')}  {text(f'part.{part}')}  {text(f'step.{step}')}  {detail}".rstrip())
             sys.stdout.flush()
+        except OSError:
+            # Nobody can see the machine any more, so it is not to go on.
+            interruption.end("output closed")
 
     return tell
 

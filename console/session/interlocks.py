@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
 from drivers.cut import CutPlan
@@ -29,9 +29,9 @@ class Interlock:
         return not self.problems
 
 
-def of_job(job: Job, machine: MachineProfile) -> Interlock:
-    """Return whether the job fits the machine at all."""
-    problems = tuple(finding.problem for finding in refusals(check(job, machine)))
+def of_job(job: Job, machine: MachineProfile, where: str = "") -> Interlock:
+    """Return whether the job fits the machine at all; `where` is the file of the job."""
+    problems = tuple(replace(finding.problem, where=where) for finding in refusals(check(job, machine)))
     return Interlock(name="job_fits_machine", problems=problems)
 
 

@@ -58,13 +58,17 @@ class RunResult:
         return self.after.ront_um <= self.plan.job.roundness_tolerance_um
 
 
-def plan_run(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None) -> RunPlan:
+def plan_run(
+    job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None, where: str = ""
+) -> RunPlan:
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
+
+    `where` is the file that a refusal of the job names.
 
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
-    refuse_unless(of_job(job, machine))
+    refuse_unless(of_job(job, machine, where))
     cut = plan_cut(job, machine, strategy, ts_ms)
     reference = cut if strategy is Strategy.NONE else plan_cut(job, machine, Strategy.NONE)
     refuse_unless(of_program(cut), of_program(reference))

@@ -6,6 +6,7 @@ Whatever goes wrong after the machine is there, it is stopped and proven to rest
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -70,7 +71,10 @@ def cut_part(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
     except ProblemError as error:
         raise _left_at_rest(shop.lathe, error) from error
     except BaseException:
-        shop.lathe.stop.stop("console error")
+        # A fault of the console itself is no reason for the machine to go on.
+        with suppress(ProblemError):
+            shop.lathe.stop.stop("console fault")
+            shop.lathe.wait_for_rest()
         raise
 
 

@@ -33,8 +33,16 @@ class Interruption:
         if self.reason is not None:
             stop.stop(self.reason)
 
-    def _handle(self, number: int, _: FrameType | None) -> None:
-        self.reason = self.reason or signal.Signals(number).name
+    def end(self, reason: str) -> None:
+        """Stop the guarded machine; also for what is no signal, such as a terminal that is gone.
+
+        Raises:
+            Interrupted: there is no machine yet.
+        """
+        self.reason = self.reason or reason
         if self._stop is None:
             raise Interrupted(self.reason)
         self._stop.stop(self.reason)
+
+    def _handle(self, number: int, _: FrameType | None) -> None:
+        self.end(signal.Signals(number).name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from drivers.clock import Clock
@@ -18,6 +19,8 @@ REPLY_TIMEOUT_S = 2.0
 QUIET_S = 0.1
 DRAIN_LIMIT_S = 2.0
 """After this something that talks without end is no controller; the next reply will show it."""
+_VERSION = re.compile(r"\d+\.\d+")
+
 LINE_LIMIT = 250
 """Characters of one command line; the card's own limit is 255."""
 
@@ -37,16 +40,23 @@ class PmacClient:
         """Empty the line, set the handshake, and return version and type as the controller states them.
 
         Raises:
-            LinkError: `link.not_a_pmac` or `link.silent`, what answers does not speak like one.
+            LinkError: `link.silent`, nothing answers; `link.not_a_pmac`, something else does.
         """
         self.link.send(FLUSH)
         self._drain()
         # An earlier client may have left half a line behind: the empty line ends it, its error is not ours.
         self.link.send(b"\r")
         self._drain()
-        self.request("I3=2 I6=1")
-        version, kind = self.query("VERSION", "TYPE")
-        return version.strip(), kind.strip()
+        try:
+            self.request("I3=2 I6=1")
+            version, kind = (reply.strip() for reply in self.query("VERSION", "TYPE"))
+        except LinkTimeoutError:
+            raise
+        except LinkError as error:
+            raise self._not_a_pmac(str(error.problems[0].value)) from error
+        if not _VERSION.match(version):
+            raise self._not_a_pmac(version)
+        return version, kind
 
     def request(self, line: str, timeout_s: float = REPLY_TIMEOUT_S) -> tuple[str, ...]:
         """Send one line and return the data of its reply.
@@ -114,6 +124,9 @@ class PmacClient:
         except ControllerError:
             self.request("CLOSE")
             raise
+
+    def _not_a_pmac(self, met: str) -> LinkError:
+        return LinkError(Problem(code="link.not_a_pmac", where=self.link.address, value=met[:40]))
 
     def _reply(self, line: str, timeout_s: float) -> Reply:
         deadline = self._clock.now_s() + timeout_s

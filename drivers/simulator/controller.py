@@ -151,7 +151,7 @@ class Controller:
         """Start again from the machine's settings, or from factory defaults without axes."""
         self.kill_all()
         for motor in self.motors.values():
-            motor.home_complete = motor.fatal_error = False
+            motor.reset()
         self.open_buffer = None
         self.variables.replace_i(self._profile_i_variables if factory is None else factory)
         for system in self.systems.values():

@@ -146,6 +146,12 @@ class Motor:
         self.aborting = False
         self._forget_motion()
 
+    def reset(self) -> None:
+        """Start as at power-up: killed, not homed, and at position 0 wherever the iron is."""
+        self.kill()
+        self.home_complete = self.fatal_error = False
+        self._rebase(self.encoder)
+
     def jog_speed(self, direction: int) -> None:
         """Jog for ever in `direction`; 0 stops, and closes the loop of a killed motor."""
         self.enable()
@@ -206,11 +212,7 @@ class Motor:
         trigger = self._home.passed(start, end)
         if self._homing is not Homing.SEARCHING or trigger is None:
             return
-        offset = trigger - self.axis.origin
-        self.axis.rebase(offset)
-        self.desired -= offset
-        self.actual -= offset
-        self._last_actual -= offset
+        self._rebase(trigger - self.axis.origin)
         self.home_complete = True
         pieces = change_speed(self.desired, self.velocity, 0.0, self._jog_settings())
         self._play(pieces)
@@ -223,6 +225,13 @@ class Motor:
             self._player.append(jog_to(position, self.variable(26) / SIXTEENTHS, self._jog_settings()))
         elif self._homing is Homing.OFFSET:
             self._homing = None
+
+    def _rebase(self, offset: float) -> None:
+        """Make `offset` the new zero; the iron does not move."""
+        self.axis.rebase(offset)
+        self.desired -= offset
+        self.actual -= offset
+        self._last_actual -= offset
 
     def _play(self, pieces: tuple[Piece, ...]) -> None:
         if self._player is None:

@@ -57,7 +57,7 @@ def test_two_thirds_rule_speed() -> None:
         ({"diameter_mm": 92.1}, "rule.tool_travel"),
         ({"diameter_mm": 2.1, "wall_thickness_mm": 1.0}, "rule.tool_travel"),
         ({"overhang_mm": 206.0, "cut_length_mm": 100.0}, "rule.carriage_travel"),
-        ({"cut_length_mm": 20.1}, "rule.carriage_travel"),
+        ({"overhang_mm": 176.0}, None),
         ({"cut_length_mm": 20.0}, None),
         ({"wall_thickness_mm": 26.0}, None),
         ({"cut_length_mm": 28.0, "overhang_mm": 40.0}, None),

@@ -116,9 +116,7 @@ def test_comments_survive_a_save(tmp_path: Path) -> None:
     text = (BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_text(encoding="utf-8")
     path.write_text(text, encoding="utf-8")
     save_job(replace(ONE, feed_mm_per_rev=0.08), path, overwrite=True)
-    assert path.read_text(encoding="utf-8") == text.replace(
-        "feed_mm_per_rev = 0.05 ", "feed_mm_per_rev = 0.08 "
-    )
+    assert path.read_text(encoding="utf-8") == text.replace("feed_mm_per_rev = 0.05 ", "feed_mm_per_rev = 0.08 ")
 
 
 def test_what_is_no_job_is_replaced(tmp_path: Path) -> None:
@@ -159,9 +157,7 @@ def test_a_link_stays_a_link_and_keeps_the_mode(tmp_path: Path) -> None:
 
 # Everything printable in all scripts; the other categories are controls, formats and odd spaces.
 LETTERS = st.characters(codec="utf-8", exclude_categories=("C", "Z"))
-TEXTS = st.text(LETTERS, min_size=1, max_size=80) | st.sampled_from(
-    ["a b", "알루미늄 링", 'q"q', "b\\s", "#"]
-)
+TEXTS = st.text(LETTERS, min_size=1, max_size=80) | st.sampled_from(["a b", "알루미늄 링", 'q"q', "b\\s", "#"])
 
 
 def values_of(field: Field) -> st.SearchStrategy[object]:

@@ -142,9 +142,7 @@ def test_round_trip(
     size = len(angles)
     deviations = data.draw(st.lists(st.floats(-1e6, 1e6), min_size=size, max_size=size))
     path = tmp_path_factory.mktemp("traces") / "t.csv"
-    given_trace = Trace(
-        angle_deg=np.array(angles), deviation_um=np.array(deviations), meta=MappingProxyType(meta)
-    )
+    given_trace = Trace(angle_deg=np.array(angles), deviation_um=np.array(deviations), meta=MappingProxyType(meta))
     write_trace(path, given_trace)
     met = read_trace(path)
     assert met.angle_deg.tobytes() == given_trace.angle_deg.tobytes()

@@ -14,7 +14,7 @@ NO_JUMP = -1
 class Code:
     """A program ready to run; the three tuples run in parallel.
 
-    `line_of` is the index of the line in the program (an implied end belongs to the line that it closes).
+    `line_of` is the index of the line in the program (an implied end belongs to the last line in it).
     `jumps` is where to go on: for a While whose condition is false, behind its end; for an EndWhile, to its
     While; for an If whose condition is false, to the first instruction of the alternative or behind the end;
     for an Else that is reached, behind the end; NO_JUMP for anything else.
@@ -45,7 +45,7 @@ class _Block:
     head: int
     """The While or If."""
     line: int
-    """The line that its implied end belongs to."""
+    """The line that it began in, or its ELSE."""
     loop: bool
     inline: bool
     alternative: int | None = None
@@ -129,7 +129,7 @@ class _Linker:
 
     def _close_implied(self) -> None:
         block = self.blocks[-1]
-        self._close(block.line, EndWhile() if block.loop else EndIf())
+        self._close(self.line_of[-1], EndWhile() if block.loop else EndIf())
 
     def _emit(self, number: int, statement: Statement) -> None:
         self.instructions.append(statement)

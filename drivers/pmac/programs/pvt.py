@@ -146,7 +146,7 @@ P21={z} ; carriage clear of the part
 P22={spindle_start} ; spindle at the start
 P23={all} ; segments up to the end of the cut
 P24={ramp} ; segments in which the amplitude grows
-P28={before} ; spindle counts before the first segment
+P28=P22+{before} ; spindle at the first segment
 CLOSE
 OPEN PROG {program}
 CLEAR
@@ -156,7 +156,7 @@ PVT{half} ; the spindle runs up
 X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
 X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
 PVT{approach} ; the tool goes to its mean depth, clear of the part
-X(P11):0 Y(P22+P28):(P17) Z(P21):0
+X(P11):0 Y(P28):(P17) Z(P21):0
 PVT{segment} ; the amplitude grows
 P25=0
 P29=P21
@@ -165,16 +165,16 @@ WHILE({flag}=0 AND P25<P24)
 P25=P25+1
 P26=P25/P24
 P27=P14+P13*P25
-X(P11+P12*P26*COS(P27)):(-P15*P26*SIN(P27)) Y(P22+P28+P16*P25):(P17) Z(P21):0
+X(P11+P12*P26*COS(P27)):(-P15*P26*SIN(P27)) Y(P28+P16*P25):(P17) Z(P21):0
 ENDWHILE
 WHILE({flag}=0 AND P25<P23)
 P25=P25+1
 P27=P14+P13*P25
 P29=P21+P18*(P25-P24)
 P33=P19
-X(P11+P12*COS(P27)):(-P15*SIN(P27)) Y(P22+P28+P16*P25):(P17) Z(P29):(P19)
+X(P11+P12*COS(P27)):(-P15*SIN(P27)) Y(P28+P16*P25):(P17) Z(P29):(P19)
 ENDWHILE
-P30=P22+P28+P16*P25
+P30=P28+P16*P25
 PVT{approach} ; the tool goes out, the carriage comes to rest
 X(P20):0 Y(P30+P17*{approach}/1000):(P17) Z(P29+P33*{approach}/3000):0
 P30=P30+P17*{approach}/1000

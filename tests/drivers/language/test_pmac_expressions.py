@@ -105,9 +105,7 @@ def test_angles_are_in_radians_when_asked() -> None:
 
 
 @pytest.mark.parametrize(("sine", "cosine", "angle"), [(1, 1, 45), (1, -1, 135), (-1, -1, -135), (0, 1, 0)])
-def test_the_four_quadrant_arc_tangent_takes_its_cosine_from_q0(
-    sine: float, cosine: float, angle: float
-) -> None:
+def test_the_four_quadrant_arc_tangent_takes_its_cosine_from_q0(sine: float, cosine: float, angle: float) -> None:
     assert value("ATAN2(P1)", P1=sine, Q0=cosine) == pytest.approx(angle)
 
 

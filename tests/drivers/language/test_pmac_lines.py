@@ -167,9 +167,7 @@ def test_a_statement_behind_a_condition_makes_it_single_line() -> None:
 def axes_of(text: str) -> list[str]:
     """Write the statements down by kind, moves by their letters."""
     return [
-        "".join(word.axis for word in statement.words)
-        if isinstance(statement, Move)
-        else type(statement).__name__
+        "".join(word.axis for word in statement.words) if isinstance(statement, Move) else type(statement).__name__
         for statement in parse_line(text)
     ]
 
@@ -243,9 +241,7 @@ def test_anything_else_is_a_data_error(text: str) -> None:
     assert refusal_of(text) == 3
 
 
-@pytest.mark.parametrize(
-    "text", ["J+", "F", "A", "B", "P1", "P(P1)", "I130..135", "M1->", "OPEN", "?", "", "Q"]
-)
+@pytest.mark.parametrize("text", ["J+", "F", "A", "B", "P1", "P(P1)", "I130..135", "M1->", "OPEN", "?", "", "Q"])
 def test_an_on_line_command_is_left_to_the_caller(text: str) -> None:
     scanner = Scanner(text)
     assert parse_statement(scanner) is None

@@ -1,0 +1,114 @@
+"""Both languages say the same things, and nothing that can go wrong is without words."""
+
+import ast
+import re
+import string
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("console", "drivers", "profiles")
+LANGUAGES = ("en", "ko")
+
+CODE = re.compile(
+    r"(file|key|value|schema|job|machine|rule|trace|link|controller|cut|program|response|session|record)"
+    r"\.[a-z0-9_]+"
+)
+QUOTED = re.compile(r"`([a-z]+\.[a-z0-9_]+)`")
+NO_CODES = {"controller.variables"}
+"""Looks like a code and is the name of a table of the machine profile."""
+
+PROBLEM_FIELDS = {"where", "key", "value", "limit"}
+HIGHEST_CONTROLLER_ERROR = 19
+
+
+def catalogue(language: str) -> dict[str, object]:
+    return tomllib.loads((ROOT / "console" / "text" / f"{language}.toml").read_text(encoding="utf-8"))
+
+
+def sources() -> Iterator[tuple[Path, ast.Module]]:
+    for path in sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
+        yield path, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def placeholders(entry: str) -> list[tuple[str, str | None]]:
+    """The fields of an entry with their formats, in an order that does not depend on the language."""
+    return sorted((field, form) for _, field, form, _ in string.Formatter().parse(entry) if field is not None)
+
+
+def codes_of(tree: ast.Module) -> set[str]:
+    """Codes that stand in the source as a text of their own, or in a docstring in backquotes."""
+    parts = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in parts:
+            named = QUOTED.findall(node.value)
+            found |= {text for text in (node.value, *named) if CODE.fullmatch(text)}
+    return found - NO_CODES
+
+
+def sentences_of(tree: ast.Module) -> Iterator[tuple[str, set[str], bool]]:
+    """Calls `text("key", field=...)`: the key, the fields, and whether there may be more of them."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and node.args:
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            first = node.args[0]
+            if name == "text" and isinstance(first, ast.Constant) and isinstance(first.value, str):
+                given = [keyword.arg for keyword in node.keywords]
+                yield first.value, {field for field in given if field}, None in given
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_entries_are_plain_sentences(language: str) -> None:
+    entries = catalogue(language)
+    assert entries
+    assert [key for key, entry in entries.items() if not isinstance(entry, str) or not entry.strip()] == []
+
+
+def test_both_languages_have_the_same_keys() -> None:
+    english, korean = (set(catalogue(language)) for language in LANGUAGES)
+    assert (sorted(english - korean), sorted(korean - english)) == ([], [])
+
+
+def test_both_languages_use_the_same_placeholders() -> None:
+    english, korean = (catalogue(language) for language in LANGUAGES)
+    shared = english.keys() & korean.keys()
+    differing = [key for key in shared if placeholders(str(english[key])) != placeholders(str(korean[key]))]
+    assert sorted(differing) == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_problem_code_has_a_sentence(language: str) -> None:
+    numbered = {f"controller.err{number:03d}" for number in range(1, HIGHEST_CONTROLLER_ERROR + 1)}
+    codes = numbered.union(*(codes_of(tree) for _, tree in sources()))
+    assert sorted(code for code in codes if f"problem.{code}" not in catalogue(language)) == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_problem_sentences_ask_only_for_what_a_problem_has(language: str) -> None:
+    asked = {
+        key: {field for field, _ in placeholders(str(entry))}
+        for key, entry in catalogue(language).items()
+        if key.startswith("problem.")
+    }
+    assert {key: fields for key, fields in asked.items() if not fields <= PROBLEM_FIELDS} == {}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_sentence_that_the_console_says_is_there(language: str) -> None:
+    entries = catalogue(language)
+    faults = []
+    for path, tree in sources():
+        for key, given, open_ended in sentences_of(tree):
+            asked = {field for field, _ in placeholders(str(entries.get(key, "")))}
+            if key not in entries or (not open_ended and not asked <= given):
+                faults.append(f"{path.relative_to(ROOT)}: {key} with {sorted(given)}")
+    assert faults == []
+
+
+def test_the_collector_finds_codes() -> None:
+    codes = set().union(*(codes_of(tree) for _, tree in sources()))
+    assert {"key.missing", "rule.grip_margin", "cut.stroke_lost", "link.refused", "file.unreadable"} <= codes

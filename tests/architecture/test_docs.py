@@ -1,0 +1,117 @@
+"""What the documents say is so: links lead somewhere, quoted programs are the generated ones."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.program_text import read_program
+from drivers.pmac.programs.paper import paper_program, spindle_start_counts
+from drivers.pmac.programs.setup import cut_setup
+from profiles.store import load_job, load_machine
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = (
+    "README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "benchmarks/README.md",
+    "docs/paper-program.md",
+    "docs/pmac-emulation.md",
+)
+COMMANDS = (
+    "python3 -m venv .venv && .venv/bin/pip install -q -e . && .venv/bin/console run lee-2001-experiment-1 --sim",
+    "python3 -m venv .venv && .venv/bin/pip install -q -e '.[test]' && .venv/bin/pytest",
+)
+
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+SPAN = re.compile(r"`([^`]+)`")
+SOURCE_FILE = re.compile(r"[\w/.-]*\w\.py")
+TEXT_SUFFIXES = {".py", ".md", ".toml", ".lock", ".txt", ".cfg", ".ini", ".yml", ".yaml", ".sh"}
+NOT_OURS = re.compile(r"\.(venv|git|hypothesis|.*_cache)|__pycache__|.*\.egg-info|dist|build")
+# In pieces, so that this file does not contain what it forbids.
+INDEX_HOSTS = re.compile("py" + r"pi\.org|python" + "hosted" + r"\.org|--(extra-)?index" + "-url", re.IGNORECASE)
+HOME_FOLDERS = re.compile(r"(?<![\w.~}-])/(" + "home|Users" + r")/\w")
+
+
+def text_of(document: str) -> str:
+    return (ROOT / document).read_text(encoding="utf-8")
+
+
+def fenced_after(document: str, heading: str) -> str:
+    """The first fenced block under a heading."""
+    section = text_of(document).split(f"\n{heading}\n", 1)[1]
+    return re.split(r"^```\w*\n", section, maxsplit=2, flags=re.MULTILINE)[1]
+
+
+def project_texts() -> Iterator[Path]:
+    folders = [ROOT]
+    while folders:
+        for path in sorted(folders.pop().iterdir()):
+            if NOT_OURS.fullmatch(path.name):
+                continue
+            if path.is_dir():
+                folders.append(path)
+            elif path.suffix in TEXT_SUFFIXES or path.parent.name == ".ci":
+                yield path
+
+
+def test_the_mended_program_is_the_one_that_is_sent() -> None:
+    job, machine = load_job("lee-2001-experiment-1").job, load_machine("lee-2001-lathe").machine
+    setup = cut_setup(job, machine, spindle_start_counts(job, machine))
+    quoted = fenced_after("docs/paper-program.md", "## The mended program")
+    assert quoted == paper_program(job, machine, setup)
+
+
+def test_the_printed_program_is_a_program_but_for_its_wrapped_comments() -> None:
+    printed = fenced_after("docs/paper-program.md", "## The printed program")
+    wrapped = [line for line in printed.splitlines() if not line.partition(";")[0].isascii()]
+    assert len(wrapped) == 2
+    with pytest.raises(PmacError) as refused:
+        read_program(printed)
+    assert refused.value.code == 4
+    kept = [line for line in printed.splitlines() if line not in wrapped]
+    assert len(read_program("\n".join(kept)).program) == 9
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_relative_links_lead_to_a_file(document: str) -> None:
+    targets = [target.partition("#")[0] for target in LINK.findall(text_of(document)) if "://" not in target]
+    folder = (ROOT / document).parent
+    assert [target for target in targets if target and not (folder / target).exists()] == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_source_files_that_are_named_exist(document: str) -> None:
+    sources = [f"/{path.relative_to(ROOT)}" for path in project_texts() if path.suffix == ".py"]
+    named = [span for span in SPAN.findall(text_of(document)) if SOURCE_FILE.fullmatch(span)]
+    assert [name for name in named if not any(path.endswith(f"/{name}") for path in sources)] == []
+
+
+def test_every_choice_of_the_emulation_is_where_it_is_said_to_be() -> None:
+    code = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "drivers").rglob("*.py"))
+    names = set()
+    for row in text_of("docs/pmac-emulation.md").splitlines():
+        certainty = row.rstrip("| ").rpartition("|")[2]
+        if "choice: `" in certainty:
+            names |= {span for span in SPAN.findall(certainty) if not SOURCE_FILE.fullmatch(span)}
+    assert len(names) > 10
+    assert sorted(name for name in names if not re.search(rf"\b{re.escape(name)}\b", code)) == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_readme_has_its_commands_on_lines_of_their_own(command: str) -> None:
+    blocks = re.findall(r"^```\w*\n(.*?)^```", text_of("README.md"), flags=re.MULTILINE | re.DOTALL)
+    assert [line for block in blocks for line in block.splitlines()].count(command) == 1
+
+
+def test_no_text_names_a_machine_or_a_package_server() -> None:
+    here = re.compile(rf"{re.escape(str(ROOT))}(?![\w-])" if len(ROOT.parts) > 2 else r"(?!)")
+    found = []
+    for path in project_texts():
+        text = path.read_text(encoding="utf-8")
+        if any(pattern.search(text) for pattern in (here, INDEX_HOSTS, HOME_FOLDERS)):
+            found.append(str(path.relative_to(ROOT)))
+    assert found == []

@@ -1,0 +1,62 @@
+"""Nothing heavy is loaded before it is needed."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("console", "drivers", "profiles")
+HEAVY = ("numpy", "scipy", "control", "matplotlib", "textual", "rich", "plotext")
+
+BUILD_THE_PARSER = "import console.__main__; from console.cli.parser import build; " + (
+    "from console.text.catalogue import load; build(load('en'))"
+)
+
+
+@pytest.mark.parametrize(
+    ("code", "unwanted"),
+    [
+        pytest.param(BUILD_THE_PARSER, HEAVY, id="command line"),
+        pytest.param("import profiles.servo", ("scipy", "control", "matplotlib"), id="servo model"),
+    ],
+)
+def test_importing_stays_light(code: str, unwanted: tuple[str, ...]) -> None:
+    show = f"import sys; {code}; print(*(name for name in {unwanted!r} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", show], capture_output=True, text=True, cwd=ROOT, timeout=30)
+    assert done.stderr == ""
+    assert done.stdout.strip() == ""
+
+
+def imports(tree: ast.AST) -> Iterator[tuple[str, ast.stmt]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module, node
+
+
+def inside_functions(tree: ast.AST) -> set[ast.AST]:
+    return {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        for inner in ast.walk(node)
+    }
+
+
+@pytest.mark.parametrize("library", ["control", "scipy"])
+def test_slow_libraries_are_imported_where_they_are_used(library: str) -> None:
+    users = set()
+    for path in sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        sheltered = inside_functions(tree)
+        for module, statement in imports(tree):
+            if module.split(".")[0] == library:
+                users.add(str(path.relative_to(ROOT)))
+                assert statement in sheltered, f"{path.relative_to(ROOT)}:{statement.lineno}"
+    if library == "control":
+        assert users == {"profiles/servo.py"}

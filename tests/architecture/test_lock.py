@@ -1,0 +1,49 @@
+"""The lock file pins everything by hash and names no server."""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PINNED = re.compile(r"([a-z0-9][a-z0-9._-]*)==[^ ;\\]+")
+HASH = re.compile(r"--hash=sha256:[0-9a-f]{64}")
+
+
+def lock() -> str:
+    return (ROOT / "requirements.lock").read_text(encoding="utf-8")
+
+
+def requirements() -> dict[str, list[str]]:
+    """Each pinned distribution with its hashes."""
+    found: dict[str, list[str]] = {}
+    name = ""
+    for line in lock().splitlines():
+        if line.startswith((" ", "#")):
+            found.setdefault(name, []).extend(HASH.findall(line))
+        else:
+            match = PINNED.match(line)
+            assert match, line
+            name = match[1]
+    return found
+
+
+def normal(requirement: str) -> str:
+    return re.split(r"[<>=!~;\[ ]", requirement)[0].lower().replace("_", "-").replace(".", "-")
+
+
+def test_no_address_and_no_option_in_the_lock() -> None:
+    text = lock()
+    assert "://" not in text
+    assert "--index" not in text and "--find-links" not in text and "--extra-index" not in text
+    assert not re.search(r"(^|\s)/\w", text), "a path of some machine"
+
+
+def test_every_requirement_has_a_hash() -> None:
+    assert len(requirements()) > 20
+    assert [name for name, hashes in requirements().items() if not hashes] == []
+
+
+def test_every_direct_dependency_is_locked() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = {normal(item) for item in (*project["dependencies"], *project["optional-dependencies"]["test"])}
+    assert sorted(wanted - set(requirements())) == []

@@ -1,0 +1,77 @@
+"""Fixtures for the console: a data folder of its own for each test, and signals put back after a run."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.__main__ import main
+
+
+@dataclass(frozen=True)
+class Said:
+    """What one command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def data_folder(tmp_path: Path) -> Path:
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def console(
+    data_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Callable[..., Said]]:
+    """Call the command line in this process."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(data_folder))
+    for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
+        monkeypatch.delenv(name, raising=False)
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+
+    def call(*words: str) -> Said:
+        capsys.readouterr()
+        code = main(words)
+        captured = capsys.readouterr()
+        return Said(code=code, out=captured.out, err=captured.err)
+
+    yield call
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def job_file(tmp_path: Path) -> Callable[..., Path]:
+    """Write experiment 1 with some of its lines changed; None takes a line away."""
+
+    def write(name: str = "mine", **changes: str | None) -> Path:
+        import profiles.store
+
+        text = (profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_text(encoding="utf-8")
+        lines = []
+        for line in text.splitlines():
+            key = line.partition(" = ")[0]
+            if key in changes:
+                value = changes[key]
+                if value is None:
+                    continue
+                line = f"{key} = {value}"
+            lines.append(line)
+        path = tmp_path / f"{name}.toml"
+        path.write_text("\n".join(lines), encoding="utf-8")
+        return path
+
+    return write

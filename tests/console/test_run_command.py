@@ -1,0 +1,154 @@
+"""`console run`: from a saved job to a measured part, with the figures of the paper as oracle."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+FILTER_AT_3 = 0.99751
+"""What the 50 UPR filter lets through of a three-lobe (ISO 16610-21 table)."""
+
+
+def harmonic(result: dict[str, Any], n: int) -> dict[str, float]:
+    found: dict[str, float] = next(h for h in result["harmonics"] if h["n"] == n)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("job", "error_um", "amplitude_um"),
+    [("lee-2001-experiment-1", 55.0, 27.5), ("lee-2001-experiment-2", 33.0, 16.5)],
+)
+def test_the_lobe_of_the_paper_is_measured_and_then_taken_away(
+    console: Console, job: str, error_um: float, amplitude_um: float
+) -> None:
+    result = console("run", job, "--sim", "--json", "--strategy", "pvt").json
+    before, after = result["before"], result["after"]
+    assert before["RONt_um"] == pytest.approx(error_um, abs=0.3)
+    assert harmonic(before, 3)["amplitude_um"] == pytest.approx(amplitude_um * FILTER_AT_3, abs=0.02)
+    assert after["RONt_um"] < 1.0
+    assert result["improvement_percent"] == pytest.approx(
+        100 * (1 - after["RONt_um"] / before["RONt_um"]), abs=1e-9
+    )
+    assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
+    assert result["lobe_frequency_hz"] == pytest.approx(50, rel=1e-4)
+    assert (result["job"], result["machine"], result["simulated"]) == (job, "lee-2001-lathe", True)
+    for part in (before, after):
+        assert (part["reference_circle"], part["filter_upr"], part["state"]) == ("LSC", 50, "free")
+
+
+def test_tool_error_and_following_error_are_two_things(console: Console) -> None:
+    """The command runs ahead of the tool by the lag of the servo; the tool is where the part wants it."""
+    result = console("run", "lee-2001-experiment-1", "--sim", "--json").json
+    assert result["tool_error_um"] < 2.0
+    # |1 - T| of the command: 31.05 um times |1 - 0.8855 exp(-0.9023j)|.
+    assert result["following_error_um"] == pytest.approx(31.05 * 0.8294, abs=1.5)
+
+
+def test_the_printed_program_turns_at_half_the_speed_with_two_thirds_of_the_stroke(console: Console) -> None:
+    said = console("run", "lee-2001-experiment-1", "--sim", "--json", "--strategy", "paper")
+    result = said.json
+    assert result["spindle_rpm"] == pytest.approx(500, rel=1e-4)
+    assert result["lobe_frequency_hz"] == pytest.approx(25, rel=1e-4)
+    told = " ".join(result["warnings"])
+    assert "20 ms" in told
+    assert "500 rpm" in told
+    assert "36.67 um" in told
+    for warning in result["warnings"]:
+        assert warning in said.err
+    # 0.657 of the lobe through the sampled loop at 25 Hz: 55 |1 - 0.657 T(25 Hz)|.
+    assert result["after"]["RONt_um"] == pytest.approx(28, abs=1.0)
+
+
+def test_ts_5_reaches_the_speed_but_not_the_stroke(console: Console) -> None:
+    result = console("run", "lee-2001-experiment-1", "--sim", "--json", "--strategy", "paper", "--ts", "5").json
+    assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
+    assert "36.67 um" in " ".join(result["warnings"])
+    assert "10 ms" not in " ".join(result["warnings"])
+    # 55 |1 - 0.657 x 0.8855 exp(-0.9023j)| = 43.2.
+    assert result["after"]["RONt_um"] == pytest.approx(43.2, abs=1.0)
+
+
+def test_without_compensation_nothing_is_gained(console: Console) -> None:
+    result = console("run", "lee-2001-experiment-2", "--sim", "--json", "--strategy", "none").json
+    assert result["before"] == result["after"]
+    assert result["improvement_percent"] == 0
+
+
+def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(console: Console, job_file: JobFile) -> None:
+    path = job_file(
+        jaws="4", lobe_error_um_pp="20.0", lobe_phase_deg="17.0", spindle_speed_rpm="730.0", diameter_mm="61.0"
+    )
+    result = console("run", str(path), "--sim", "--json").json
+    before = result["before"]
+    assert before["RONt_um"] == pytest.approx(20.0, abs=0.3)
+    assert harmonic(before, 4)["amplitude_um"] == pytest.approx(10.0, abs=0.1)
+    assert harmonic(before, 4)["phase_deg"] == pytest.approx(17.0, abs=0.1)
+    assert harmonic(before, 3)["amplitude_um"] < 0.05
+    assert result["after"]["RONt_um"] < 1.0
+    assert result["spindle_rpm"] == pytest.approx(730, rel=1e-4)
+    assert result["lobe_frequency_hz"] == pytest.approx(730 * 4 / 60, rel=1e-4)
+
+
+@pytest.mark.parametrize(("rpm", "jaws"), [(173.0, 3), (1377.7, 3), (2400.0, 2), (601.3, 6)])
+def test_any_permitted_speed_is_compensated(console: Console, job_file: JobFile, rpm: float, jaws: int) -> None:
+    path = job_file(
+        jaws=str(jaws),
+        spindle_speed_rpm=str(rpm),
+        lobe_error_um_pp="12.5",
+        chucking_force_n="6000.0",
+        feed_mm_per_rev="0.2",
+    )
+    result = console("run", str(path), "--sim", "--json").json
+    assert result["before"]["RONt_um"] == pytest.approx(12.5, abs=0.3)
+    assert result["after"]["RONt_um"] < 1.0
+
+
+def test_the_same_command_gives_the_same_numbers(console: Console) -> None:
+    words = ("run", "lee-2001-experiment-2", "--sim", "--json")
+    assert console(*words).out == console(*words).out
+
+
+def test_people_are_told_the_steps_and_the_result_with_units(console: Console) -> None:
+    said = console("run", "lee-2001-experiment-1", "--sim")
+    assert said.code == 0
+    assert said.err == ""
+    for word in ("load program", "home and align", "arm", "cut", "retract", "measure", "um", "rpm", "LSC", "free"):
+        assert word in said.out
+    assert "not machined" in said.out
+
+
+def test_people_are_told_in_korean(console: Console) -> None:
+    said = console("run", "lee-2001-experiment-1", "--sim", "--lang", "ko", "--strategy", "paper")
+    assert "보상 전" in said.out
+    assert "주의" in said.err
+
+
+def test_every_run_is_recorded_and_no_line_can_be_changed(console: Console, data_folder: Path) -> None:
+    console("run", "lee-2001-experiment-1", "--sim", "--json")
+    database = sqlite3.connect(data_folder / "trilobe" / "records.sqlite3")
+    row = database.execute("SELECT job, simulated, strategy, length(job_sha256), program FROM runs").fetchone()
+    assert row[:4] == ("lee-2001-experiment-1", 1, "pvt", 64)
+    assert "OPEN PROG 2" in row[4]
+    kinds = [kind for (kind,) in database.execute("SELECT kind FROM events ORDER BY number")]
+    assert kinds == ["planned", *["step"] * 14, "result"]
+    for change in ("UPDATE runs SET job = 'x'", "DELETE FROM events", "UPDATE events SET data = ''"):
+        with pytest.raises(sqlite3.IntegrityError, match="append only"):
+            database.execute(change)
+    database.close()
+
+
+def test_without_a_place_for_the_record_nothing_is_started(console: Console, tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    said = console("run", "lee-2001-experiment-1", "--sim", "--data", str(blocked))
+    assert said.code == 1
+    assert said.out == ""
+    assert "--data" in said.err
+    assert said.err.count("\n") == 1

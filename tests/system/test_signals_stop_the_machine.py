@@ -1,0 +1,108 @@
+"""A real console process, stopped in the middle of a cut: the machine rests, the console leaves cleanly."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import profiles.store
+
+pytestmark = pytest.mark.system
+
+LONG_CUT_MM_PER_REV = "0.002"
+
+
+@pytest.fixture
+def long_job(tmp_path: Path) -> Path:
+    """A cut of some minutes of machine time, so that a signal always comes in the middle."""
+    text = (profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_text(encoding="utf-8")
+    path = tmp_path / "long.toml"
+    path.write_text(text.replace("feed_mm_per_rev = 0.05", f"feed_mm_per_rev = {LONG_CUT_MM_PER_REV}"))
+    return path
+
+
+def command(job: Path, data: Path) -> list[str]:
+    return [sys.executable, "-m", "console", "run", str(job), "--sim", "--strategy", "none", "--data", str(data)]
+
+
+def last_event(data: Path) -> tuple[str, str]:
+    database = sqlite3.connect(data / "records.sqlite3")
+    kind, content = database.execute("SELECT kind, data FROM events ORDER BY number DESC LIMIT 1").fetchone()
+    database.close()
+    return kind, content
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_mid_cut_stops_the_machine_and_ends_with_one_line(
+    long_job: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    with subprocess.Popen(
+        command(long_job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "  cut" in line:
+                break
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "measure" not in out
+    assert err.count("\n") == 1
+    assert number.name in err
+    assert "at rest" in err
+    kind, content = last_event(tmp_path)
+    assert kind == "ended"
+    assert number.name in content
+
+
+def test_a_signal_before_anything_moves_ends_with_one_line(long_job: Path, tmp_path: Path) -> None:
+    with subprocess.Popen(
+        command(long_job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+
+
+def test_a_terminal_that_is_closed_stops_the_machine(long_job: Path, tmp_path: Path) -> None:
+    pid, terminal = pty.fork()
+    if pid == 0:
+        arguments = command(long_job, tmp_path)
+        os.execv(arguments[0], arguments)
+    seen = b""
+    while b"  cut" not in seen:
+        seen += os.read(terminal, 4096)
+    os.close(terminal)
+    _, status = os.waitpid(pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 1
+    kind, content = last_event(tmp_path)
+    assert kind == "ended"
+    # The signal and the failing output race; either one stops the machine.
+    assert "SIGHUP" in content or "output closed" in content
+
+
+def test_a_reader_that_goes_away_stops_the_machine(long_job: Path, tmp_path: Path) -> None:
+    """`console run ... | head`: nobody can see the machine any more."""
+    with subprocess.Popen(
+        command(long_job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        err = process.stderr.read()
+        assert process.wait(timeout=30) == 1
+    assert "output closed" in err
+    assert "at rest" in err
+    assert "Traceback" not in err
