@@ -26,9 +26,6 @@ from profiles.problem import Problem
 from profiles.rules import Finding, Severity
 from profiles.servo import following_error_um, sampled_response
 
-TS_LIMIT_MS = 1000
-"""Longest S-curve that a cut is planned with."""
-
 
 class Strategy(StrEnum):
     """How the tool is locked to the spindle."""

@@ -30,6 +30,9 @@ JOG_POLL_S = 0.1
 
 REST_TIMEOUT_S = 15.0
 STOP_REPEAT_S = 0.2
+LOOKS_AT_REST = 3
+"""Looks in a row that must find nothing moving: a coasting axis creeps at the end."""
+
 QUERY_BATCH = 10
 
 
@@ -146,7 +149,12 @@ class Lathe:
         items = []
         for motor in self._motors.values():
             items += [f"#{motor}P", "F", "?"]
-        replies = self._client.query(*items, "&1??")
+        try:
+            replies = self._client.query(*items, "&1??")
+        except DriverError:
+            # What the drives do now is not known, so the stop must not rely on it.
+            self.stop.loops_closed = False
+            raise
         axes = []
         for index in range(len(self._motors)):
             position, error, status = replies[3 * index : 3 * index + 3]
@@ -245,13 +253,15 @@ class Lathe:
         """
         deadline = self._clock.now_s() + timeout_s
         before = self.snapshot()
+        looks_at_rest = 0
         while True:
             self._clock.wait(STOP_REPEAT_S)
             snapshot = self.snapshot()
             still = all(
                 abs(a.position - b.position) <= 1.0 for a, b in zip(snapshot.axes, before.axes, strict=True)
             )
-            if snapshot.at_rest and still:
+            looks_at_rest = looks_at_rest + 1 if snapshot.at_rest and still else 0
+            if looks_at_rest == LOOKS_AT_REST:
                 return snapshot
             if self._clock.now_s() > deadline:
                 raise DriverError(Problem(code="machine.not_at_rest", value=f"{timeout_s:g} s"))
@@ -261,7 +271,11 @@ class Lathe:
 
     def _move(self, line: str) -> None:
         self.stop.check()
-        self._client.request(line)
+        try:
+            self._client.request(line)
+        except DriverError:
+            self.stop.loops_closed = False
+            raise
 
     def _wait(
         self,

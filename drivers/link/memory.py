@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-CYCLE_S = 0.005
-"""How far the other end is advanced between two looks: one background cycle of the card."""
+LOOK_S = 0.001
+"""How far the other end is advanced between two looks: well below the background cycle in which it answers."""
 
 
 class Peer(Protocol):
@@ -55,7 +55,7 @@ class MemoryLink:
             left = deadline - self._time.now_s()
             if left <= 0.0:
                 break
-            self._time.wait(min(left, CYCLE_S))
+            self._time.wait(min(left, LOOK_S))
         return data
 
     def close(self) -> None:

@@ -116,17 +116,15 @@ def test_the_mended_program_typed_line_by_line_runs_and_can_be_watched(host: Hos
         assert host.ask(line) == b"\x06", line
     assert host.ask("&1B1R") == b"\x06"
     wait_until(lambda: host.number("#2P") > 5000)
-    started, start_counts = time.monotonic(), host.number("#2P")
-    positions, velocities, errors = [], [], []
-    while time.monotonic() - started < 1.5:
-        reply = host.ask("#1PVF").rstrip(b"\x06").split(b"\r")
-        position, velocity, error, _ = reply
-        positions.append(float(position))
-        velocities.append(float(velocity))
-        errors.append(float(error))
-    rpm = (host.number("#2P") - start_counts) / 10_000 / (time.monotonic() - started) * 60
-    # 20 ms segments: 500 rpm. Two thirds of 275 counts: 183.
-    assert rpm == pytest.approx(500, rel=0.03)
+    positions, velocities, errors, spindle = [], [], [], []
+    for _ in range(200):
+        reply = host.ask("#1PVF#2V").rstrip(b"\x06").split(b"\r")
+        positions.append(float(reply[0]))
+        velocities.append(float(reply[1]))
+        errors.append(float(reply[2]))
+        spindle.append(float(reply[3]))
+    # 20 ms segments: 500 rpm, 83.3 counts/ms, 36.9 counts in a servo cycle. Two thirds of 275 counts: 183.
+    assert sum(spindle) / len(spindle) == pytest.approx(10_000 * 500 / 60_000 * 0.44271, abs=0.2)
     assert max(positions) - min(positions) == pytest.approx(183.3, abs=8)
     assert max(map(abs, velocities)) > 1
     assert max(map(abs, errors)) > 10

@@ -1,0 +1,169 @@
+"""A simulated lathe on the bench: card, link, client, stop path and lathe, on one clock that is advanced."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import pytest
+
+from drivers.lathe import Lathe
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.axis import Axis
+from drivers.simulator.port import Port
+from drivers.stop import StopPath
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.store import load_job, load_machine
+
+MachineMaker = Callable[[], MachineProfile]
+JobMaker = Callable[[int], Job]
+
+
+class Recorder:
+    """Stands between a motor and its axis and keeps what passes, one value for each servo cycle."""
+
+    def __init__(self, axis: Axis) -> None:
+        self._axis = axis
+        self.commands: list[float] = []
+        self.positions: list[float] = []
+
+    @property
+    def origin(self) -> float:
+        return self._axis.origin
+
+    @origin.setter
+    def origin(self, value: float) -> None:
+        self._axis.origin = value
+
+    @property
+    def output_fraction(self) -> float:
+        return self._axis.output_fraction
+
+    def close_loop(self) -> float:
+        return self._axis.close_loop()
+
+    def rebase(self, counts: float) -> None:
+        self._axis.rebase(counts)
+
+    def follow(self, commands: Sequence[float]) -> list[float]:
+        positions = self._axis.follow(commands)
+        self.commands += commands
+        self.positions += positions
+        return positions
+
+    def coast(self, cycles: int) -> list[float]:
+        positions = self._axis.coast(cycles)
+        self.commands += positions
+        self.positions += positions
+        return positions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """One simulated lathe with one host."""
+
+    sim: SimulatedLathe
+    port: Port
+    client: PmacClient
+    lathe: Lathe
+    stop: StopPath
+
+    def raw(self, data: str | bytes) -> bytes:
+        """Send bytes as they are and return what comes back within two background cycles."""
+        self.port.receive(data.encode("latin-1") if isinstance(data, str) else data)
+        self.sim.wait(0.011)
+        return self.port.take_output()
+
+    def ask(self, line: str) -> str:
+        """Return the one value that a line asks for."""
+        return self.client.query(line)[0]
+
+    def number(self, line: str) -> float:
+        return float(self.ask(line))
+
+    def program(self, *lines: str, number: int = 1) -> None:
+        """Load a program and point coordinate system 1 at it."""
+        self.client.download(("CLOSE", f"OPEN PROG{number}", "CLEAR", *lines, "CLOSE"))
+        self.client.request(f"&1B{number}")
+
+    def settle(self, timeout_s: float = 30.0) -> None:
+        """Let time pass until nothing is commanded to move any more."""
+        deadline = self.sim.now_s() + timeout_s
+        while self.sim.now_s() < deadline:
+            self.sim.wait(0.02)
+            if self.lathe.snapshot().at_rest and not self.moving:
+                return
+        raise AssertionError(f"still moving after {timeout_s} s")
+
+    @property
+    def moving(self) -> bool:
+        controller = self.sim.controller
+        return any(s.moving or s.running for s in controller.systems.values()) or any(
+            motor.jogging for motor in controller.motors.values()
+        )
+
+    def record(self, motor: int) -> Recorder:
+        """Keep every command and position of a motor from now on."""
+        target = self.sim.controller.motors[motor]
+        recorder = Recorder(target.axis)
+        target.axis = recorder
+        return recorder
+
+    @property
+    def cycle_ms(self) -> float:
+        return self.sim.controller.servo_period_ms
+
+
+BenchMaker = Callable[[], Bench]
+
+
+def build(machine: MachineProfile) -> Bench:
+    sim = SimulatedLathe(machine)
+    port = sim.connect()
+    link = MemoryLink(port, sim)
+    client = PmacClient(link, sim)
+    stop = StopPath(link)
+    lathe = Lathe(client, machine, sim, stop)
+    return Bench(sim=sim, port=port, client=client, lathe=lathe, stop=stop)
+
+
+def connected(machine: MachineProfile, setup: Iterable[str] = ()) -> Bench:
+    bench = build(machine)
+    bench.lathe.connect()
+    for line in setup:
+        bench.client.request(line)
+    return bench
+
+
+@pytest.fixture(scope="session")
+def machine() -> MachineProfile:
+    return load_machine("lee-2001-lathe").machine
+
+
+@pytest.fixture(scope="session")
+def experiment() -> JobMaker:
+    """The jobs of the paper by their number."""
+    return lambda number: load_job(f"lee-2001-experiment-{number}").job
+
+
+@pytest.fixture
+def make_bench(machine: MachineProfile) -> BenchMaker:
+    """Connected benches, as many as a test wants."""
+    return lambda: connected(machine)
+
+
+@pytest.fixture
+def bench(machine: MachineProfile) -> Bench:
+    """Connected, drives killed, as after power-up."""
+    return connected(machine)
+
+
+@pytest.fixture
+def closed(machine: MachineProfile) -> Bench:
+    """Connected, all three loops closed where the axes stand."""
+    made = connected(machine)
+    made.lathe.enable()
+    return made

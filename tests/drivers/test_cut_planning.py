@@ -1,0 +1,222 @@
+"""What is known of a cut before anything moves: its real path, its times, its warnings and its refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from drivers.cut import CutPlan, Strategy, plan_cut, settings_of
+from drivers.errors import DriverError
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
+from profiles.compensation import wanted_path
+from profiles.problem import ProblemError
+from profiles.rules import Severity
+from profiles.servo import sampled_response
+
+if TYPE_CHECKING:
+    from profiles.job import Job
+    from profiles.machine import MachineProfile
+    from tests.drivers.conftest import JobMaker
+
+
+def with_settings(machine: MachineProfile, changed: Mapping[str, float]) -> MachineProfile:
+    variables = {**machine.controller.variables, **changed}
+    return replace(machine, controller=replace(machine.controller, variables=variables))
+
+
+def codes(plan: CutPlan, severity: Severity) -> set[str]:
+    return {finding.problem.code for finding in plan.findings if finding.severity is severity}
+
+
+def checked(plan: CutPlan, machine: MachineProfile) -> CheckedProgram:
+    start = {1: plan.tool_start, 2: plan.spindle_start, 3: plan.carriage_start}
+    definitions = read_definitions(machine.controller.axis_definitions)
+    return run_through(plan.program, settings_of(machine), definitions, start)
+
+
+def sampled(moves: list[CheckedMove], motor: int, count: int = 25) -> np.ndarray:
+    """Positions along the pieces, by Horner on the polynomial coefficients themselves."""
+    found = []
+    for move in moves:
+        for piece in move.pieces:
+            t = np.linspace(0, piece.duration_ms, count)
+            found.append(np.polyval(piece.cubics[motor][::-1], t))
+    return np.concatenate(found)
+
+
+def cutting_moves(plan: CutPlan, checked_program: CheckedProgram) -> list[CheckedMove]:
+    """The moves in which the carriage feeds at a constant rate: those of the last loop."""
+    lines = loop_lines(plan.program.program)
+    inside = [move for move in checked_program.moves if move.record.line in lines]
+    feeding = [move for before, move in pairwise(inside) if move.record.target[2] > before.record.target[2]]
+    return feeding[1:]
+
+
+def deviation_um(plan: CutPlan, job: Job, machine: MachineProfile) -> np.ndarray:
+    """Commanded tool path minus the inverted sinusoid at the same commanded spindle angle."""
+    moves = cutting_moves(plan, checked(plan, machine))
+    tool, spindle = sampled(moves, 0), sampled(moves, 1)
+    response = complex(sampled_response(machine, job.lobe_frequency_hz))
+    wanted = wanted_path(job)
+    wave = np.exp(1j * job.jaws * (2 * np.pi * spindle / 10_000 - np.radians(wanted.crest_deg)))
+    path = wanted.mean_um + wanted.amplitude_um * np.real(wave / response)
+    return np.asarray((tool - plan.setup.surface) * 0.2 - path)
+
+
+@pytest.mark.parametrize(
+    ("jaws", "rpm", "phase_deg", "error_um"),
+    [
+        (3, 1000, 0, 55),
+        (3, 1000, 47, 55),
+        (4, 777, 33, 21),
+        (6, 377, -100, 55),
+        (2, 2900, 10, 55),
+        (3, 1234.5, 0, 33),
+    ],
+)
+def test_pvt_stays_within_its_interpolation_limit_over_the_whole_cut(
+    machine: MachineProfile, experiment: JobMaker, jaws: int, rpm: float, phase_deg: float, error_um: float
+) -> None:
+    job = replace(
+        experiment(1), jaws=jaws, spindle_speed_rpm=rpm, lobe_phase_deg=phase_deg, lobe_error_um_pp=error_um
+    )
+    plan = plan_cut(job, machine, Strategy.PVT)
+    assert np.abs(deviation_um(plan, job, machine)).max() < 0.05
+    assert plan.spindle_speed_rpm == pytest.approx(rpm, rel=1e-9)
+
+
+def test_the_angle_is_not_rounded_over_a_thousand_turns(machine: MachineProfile, experiment: JobMaker) -> None:
+    """2345.7 rpm has no whole number of milliseconds a turn; a rounded angle would drift by a lobe and more."""
+    job = replace(
+        experiment(1),
+        jaws=2,
+        spindle_speed_rpm=2345.7,
+        feed_mm_per_rev=0.01,
+        cut_length_mm=10.0,
+        lobe_error_um_pp=5.0,
+    )
+    plan = plan_cut(job, machine, Strategy.PVT)
+    moves = cutting_moves(plan, checked(plan, machine))
+    turns = (moves[-1].record.target[1] - moves[0].record.target[1]) / 10_000
+    assert turns > 1000
+    assert np.abs(deviation_um(plan, job, machine)[-5000:]).max() < 0.05
+
+
+@pytest.mark.parametrize("rpm", [333.3, 1000, 1234.5])
+@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.NONE])
+def test_pvt_segments_are_whole_milliseconds(
+    machine: MachineProfile, experiment: JobMaker, rpm: float, strategy: Strategy
+) -> None:
+    plan = plan_cut(replace(experiment(1), spindle_speed_rpm=rpm), machine, strategy)
+    times = {move.used.tm_ms for move in checked(plan, machine).moves}
+    assert all(time == int(time) and time >= 1 for time in times)
+
+
+def test_pvt_is_continuous_in_position_and_speed_and_ends_at_rest(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    program = checked(plan_cut(experiment(1), machine, Strategy.PVT), machine)
+    pieces = [piece for move in program.moves for piece in move.pieces]
+    for before, after in pairwise(pieces):
+        for old, new in zip(before.cubics, after.cubics, strict=True):
+            t = before.duration_ms
+            assert np.polyval(old[::-1], t) == pytest.approx(new[0], abs=1e-5)
+            assert np.polyval(np.polyder(old[::-1]), t) == pytest.approx(new[1], abs=1e-6)
+    for cubic in pieces[-1].cubics:
+        assert np.polyval(np.polyder(cubic[::-1]), pieces[-1].duration_ms) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+def test_the_experiments_are_planned_without_a_refusal(
+    machine: MachineProfile, experiment: JobMaker, strategy: Strategy
+) -> None:
+    for number in (1, 2):
+        assert codes(plan_cut(experiment(number), machine, strategy), Severity.REFUSAL) == set()
+
+
+def test_the_printed_times_are_stretched_and_cost_speed_and_stroke(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    plan = plan_cut(experiment(1), machine, Strategy.PAPER)
+    assert plan.spindle_speed_rpm == pytest.approx(500)
+    facts = {f.problem.code: (f.problem.value, f.problem.limit) for f in plan.findings}
+    assert facts["cut.segment_stretched"] == ("20 ms", "10 ms")
+    assert facts["cut.speed_differs"] == ("500 rpm", "1000 rpm")
+    assert facts["cut.stroke_lost"] == ("36.67 um", "55.00 um")
+    assert codes(plan, Severity.WARNING) == set(facts)
+
+
+def test_a_ts_of_five_keeps_the_speed_and_still_two_thirds_of_the_stroke(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    plan = plan_cut(experiment(2), machine, Strategy.PAPER, 5)
+    assert plan.spindle_speed_rpm == pytest.approx(1000)
+    assert codes(plan, Severity.WARNING) == {"cut.stroke_lost"}
+    assert {f.problem.value for f in plan.findings} == {"22.00 um"}
+
+
+def test_a_ts_of_one_keeps_ten_milliseconds_and_half_of_the_stroke_and_more(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """TA = TM = 10, TS = 1: the share that a zig-zag keeps is 1 - 4 ((TA-TS)/8 + TS^2/(24 (TA-TS)))/TM."""
+    plan = plan_cut(experiment(1), machine, Strategy.PAPER, 1)
+    lost = 4 * (9 / 8 + 1 / (24 * 9)) / 10
+    (finding,) = [f for f in plan.findings if f.problem.code == "cut.stroke_lost"]
+    assert float(finding.problem.value.removesuffix(" um")) == pytest.approx(55 * (1 - lost), abs=0.006)
+
+
+def test_pvt_warns_of_nothing(machine: MachineProfile, experiment: JobMaker) -> None:
+    assert plan_cut(experiment(1), machine, Strategy.PVT).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("settings", "code", "key"),
+    [
+        ({"I116": 30}, "cut.too_fast", "I116"),
+        ({"I216": 150}, "cut.too_fast", "I216"),
+        ({"I113": 90_000}, "cut.beyond_travel", "I113"),
+        ({"I114": 95_000}, "cut.beyond_travel", "I114"),
+        ({"I313": 150_000}, "cut.beyond_travel", "I313"),
+        ({"I111": 1600}, "cut.following_error", "I111"),
+    ],
+)
+def test_a_cut_beyond_a_limit_of_the_machine_is_refused(
+    machine: MachineProfile, experiment: JobMaker, settings: Mapping[str, float], code: str, key: str
+) -> None:
+    plan = plan_cut(experiment(1), with_settings(machine, settings), Strategy.PVT)
+    refusals = [f.problem for f in plan.findings if f.severity is Severity.REFUSAL]
+    assert [(problem.code, problem.key) for problem in refusals] == [(code, key)]
+
+
+def test_the_predicted_following_error_is_that_of_the_reference(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """|1 - T| |1/T| 27.5 um at 50 Hz with T = 0.885 exp(-0.903 j): 25.6 um; 25 um trip, 27 um do not."""
+    response = 0.885 * np.exp(-0.903j)
+    error_um = 27.5 * abs(1 - response) / abs(response)
+    for limit_um, refused in ((error_um - 0.3, True), (error_um + 0.3, False)):
+        settings = {"I111": limit_um / 0.2 * 16}
+        plan = plan_cut(experiment(1), with_settings(machine, settings), Strategy.PVT)
+        assert ("cut.following_error" in codes(plan, Severity.REFUSAL)) is refused
+
+
+def test_a_lobe_too_fast_for_whole_milliseconds_is_refused(machine: MachineProfile, experiment: JobMaker) -> None:
+    job = replace(experiment(1), jaws=12, spindle_speed_rpm=1500.0)
+    with pytest.raises(ProblemError) as refused:
+        plan_cut(job, machine, Strategy.PVT)
+    assert refused.value.problems[0].code == "program.too_fast"
+
+
+@pytest.mark.parametrize("ts_ms", [-1, 8_388_608])
+def test_a_ts_that_the_controller_does_not_take_is_refused(
+    machine: MachineProfile, experiment: JobMaker, ts_ms: int
+) -> None:
+    with pytest.raises(DriverError) as refused:
+        plan_cut(experiment(1), machine, Strategy.PAPER, ts_ms)
+    assert refused.value.problems[0].code == "program.refused"

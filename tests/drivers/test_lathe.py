@@ -1,0 +1,276 @@
+"""The lathe as the console sees it: what is commanded is read back, every wait is bounded, a stop ends it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+from drivers.errors import ControllerError, DriverError, LinkError
+from drivers.lathe import AxisName, Lathe, Snapshot
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.program_text import read_program
+from drivers.stop import StopPath, StoppedError
+
+if TYPE_CHECKING:
+    from drivers.simulator.machine import SimulatedLathe
+    from drivers.simulator.port import Port
+    from profiles.machine import MachineProfile
+    from tests.drivers.conftest import Bench
+
+SLOW = "OPEN PROG 3\nCLEAR\nINC\nTA100 TS0 TM60000\nZ60000\nCLOSE\n"
+
+
+class NoisyLink(MemoryLink):
+    """A wire that changes what is sent over it."""
+
+    def __init__(self, port: Port, sim: SimulatedLathe, spoil: Callable[[bytes], bytes]) -> None:
+        super().__init__(port, sim)
+        self._spoil = spoil
+
+    def send(self, data: bytes) -> None:
+        super().send(self._spoil(data))
+
+
+def over(bench: Bench, machine: MachineProfile, spoil: Callable[[bytes], bytes]) -> Lathe:
+    link = NoisyLink(bench.port, bench.sim, spoil)
+    return Lathe(PmacClient(link, bench.sim), machine, bench.sim, StopPath(link))
+
+
+def stands_still(bench: Bench, seconds: float = 2.0) -> bool:
+    before = [axis.position for axis in bench.lathe.snapshot().axes]
+    bench.sim.wait(seconds)
+    after = [axis.position for axis in bench.lathe.snapshot().axes]
+    # A killed axis may still creep by the counts that are below what the proof of rest can see.
+    return all(abs(a - b) <= 10 for a, b in zip(before, after, strict=True)) and not bench.moving
+
+
+def test_a_machine_that_is_set_as_its_profile_says_has_nothing_to_report(bench: Bench) -> None:
+    assert bench.lathe.verify() == ()
+
+
+@pytest.mark.parametrize(
+    ("line", "key", "value", "limit"),
+    [
+        ("I115=0.25", "I115", "0.25", "40"),
+        ("I217=39.8", "I217", "39.8", "39.79"),
+        ("I10=3713706", "I10", "3713706", "3713707"),
+        ("#1->-X", "#1->", "-1X", "X"),
+        ("#3->0", "#3->", "0", "Z"),
+        ("#2->Y+1", "#2->", "Y+1", "Y"),
+    ],
+)
+def test_a_setting_that_somebody_changed_is_found(
+    bench: Bench, line: str, key: str, value: str, limit: str
+) -> None:
+    bench.client.request(line)
+    (problem,) = bench.lathe.verify()
+    assert (problem.code, problem.key, problem.value, problem.limit) == ("controller.setting", key, value, limit)
+
+
+def test_verifying_writes_nothing(bench: Bench) -> None:
+    bench.client.request("I115=0.25 #3->0")
+    assert bench.lathe.verify() == bench.lathe.verify()
+    assert bench.number("I115") == 0.25
+
+
+def test_a_program_is_loaded_and_read_back(bench: Bench) -> None:
+    bench.lathe.load(read_program(SLOW))
+    assert bench.client.request("LIST PROG 3") == ("INC", "TA100 TS0 TM60000", "Z60000")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "place"),
+    [(b"Z60000", b"Z61000", "line 3"), (b"INC", b"", "line 1"), (b"Z60000", b"Z60000\rX1", "line 4")],
+)
+def test_a_program_that_arrives_changed_is_refused(
+    bench: Bench, machine: MachineProfile, before: bytes, after: bytes, place: str
+) -> None:
+    lathe = over(bench, machine, lambda data: data.replace(before, after))
+    with pytest.raises(DriverError) as refused:
+        lathe.load(read_program(SLOW))
+    assert refused.value.problems[0].code in ("controller.program_differs", "link.out_of_step")
+    if b"\r" not in after:
+        assert refused.value.problems[0].key == place
+
+
+def test_a_line_that_the_controller_refuses_is_named(bench: Bench, machine: MachineProfile) -> None:
+    lathe = over(bench, machine, lambda data: data.replace(b"Z60000", b"?Z60000 <="))
+    with pytest.raises(ControllerError) as refused:
+        lathe.load(read_program(SLOW))
+    assert (refused.value.error_number, refused.value.problems[0].value) == (3, "Z60000")
+    assert bench.sim.controller.open_buffer is None
+
+
+def test_a_snapshot_shows_positions_errors_and_flags_of_one_instant(bench: Bench) -> None:
+    snapshot = bench.lathe.snapshot()
+    assert not snapshot.loops_closed
+    assert snapshot.at_rest
+    assert not snapshot.in_position
+    assert snapshot.faults == ()
+    bench.lathe.enable()
+    bench.client.request("#3J+")
+    bench.sim.wait(1.0)
+    snapshot = bench.lathe.snapshot()
+    assert snapshot.loops_closed
+    assert not snapshot.at_rest
+    assert snapshot.carriage.position == pytest.approx(10 * (1000 - 50), abs=200)
+    assert snapshot.at_s == pytest.approx(bench.sim.now_s())
+
+
+def test_homing_and_jogging_arrive_before_they_return(closed: Bench) -> None:
+    closed.lathe.home()
+    assert closed.lathe.snapshot().homed
+    closed.lathe.jog_to(AxisName.TOOL, 12_345.0)
+    closed.lathe.jog_to(AxisName.SPINDLE, -2_500.0)
+    snapshot = closed.lathe.snapshot()
+    assert snapshot.at_rest
+    assert snapshot.tool.position == pytest.approx(12_345, abs=10)
+    assert snapshot.spindle.position == -2_500
+
+
+def test_an_axis_that_does_not_close_is_told(bench: Bench, machine: MachineProfile) -> None:
+    lathe = over(bench, machine, lambda data: data.replace(b"#2J/", b"#2K"))
+    with pytest.raises(DriverError) as refused:
+        lathe.enable()
+    assert refused.value.problems[0].code == "machine.not_enabled"
+
+
+def test_a_program_is_followed_to_its_end_and_every_look_is_shown(closed: Bench) -> None:
+    closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA100 TS0 TM1000\nZ1000\nZ1000\nCLOSE\n"))
+    seen: list[Snapshot] = []
+    closed.lathe.start(3)
+    began = closed.sim.now_s()
+    last = closed.lathe.follow(seen.append, timeout_s=10.0)
+    assert last.in_position
+    assert last.carriage.position == pytest.approx(2000)
+    assert closed.sim.now_s() - began == pytest.approx(2.1, abs=0.1)
+    times = [snapshot.at_s for snapshot in seen]
+    assert len(times) > 50
+    assert times == sorted(times)
+
+
+def test_a_program_that_takes_too_long_is_stopped(closed: Bench) -> None:
+    closed.lathe.load(read_program(SLOW))
+    closed.lathe.start(3)
+    began = closed.sim.now_s()
+    with pytest.raises(DriverError) as late:
+        closed.lathe.follow(lambda snapshot: None, timeout_s=1.0)
+    assert late.value.problems[0].code == "machine.timeout"
+    assert closed.sim.now_s() - began == pytest.approx(1.0, abs=0.1)
+    closed.lathe.wait_for_rest()
+    assert stands_still(closed)
+    with pytest.raises(StoppedError):
+        closed.lathe.start(3)
+
+
+def test_a_fault_under_way_stops_the_machine_and_is_named(closed: Bench) -> None:
+    closed.client.request("I111=160 I117=0")
+    closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nX40000\nZ1000\nCLOSE\n"))
+    closed.lathe.start(3)
+    with pytest.raises(DriverError) as fault:
+        closed.lathe.follow(lambda snapshot: None, timeout_s=10.0)
+    assert fault.value.problems[0].code == "machine.fault"
+    assert "tool: fatal_following_error" in fault.value.problems[0].value
+    assert not any(motor.enabled for motor in closed.sim.controller.motors.values()), "nothing is energised again"
+
+
+def test_a_run_time_error_is_a_fault(closed: Bench) -> None:
+    closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nZ10\nP(0-1)=1\nCLOSE\n"))
+    closed.lathe.start(3)
+    with pytest.raises(DriverError) as fault:
+        closed.lathe.follow(lambda snapshot: None, timeout_s=10.0)
+    assert "program: runtime_error" in fault.value.problems[0].value
+
+
+def test_a_stop_inside_the_watch_ends_the_wait_and_nothing_moves_afterwards(closed: Bench) -> None:
+    closed.lathe.load(read_program(SLOW))
+    closed.lathe.start(3)
+    closed.sim.wait(0.5)
+    with pytest.raises(StoppedError) as stopped:
+        closed.lathe.follow(lambda snapshot: closed.stop.stop("operator"), timeout_s=10.0)
+    assert stopped.value.problems[0].value == "operator"
+    snapshot = closed.lathe.wait_for_rest()
+    assert snapshot.at_rest
+    assert stands_still(closed)
+    assert snapshot.loops_closed, "an abort, because every loop was closed"
+
+
+@pytest.mark.parametrize("kill", [False, True])
+def test_a_stop_from_another_thread_ends_a_jog(closed: Bench, kill: bool) -> None:
+    """The thread presses while the first one waits inside the simulated machine."""
+    waits = 0
+    original = closed.sim.wait
+
+    def wait(seconds: float) -> None:
+        nonlocal waits
+        waits += 1
+        if waits == 20:
+            press = closed.stop.kill if kill else closed.stop.stop
+            thread = threading.Thread(target=press, args=("emergency",))
+            thread.start()
+            thread.join()
+        original(seconds)
+
+    closed.sim.wait = wait  # type: ignore[method-assign]
+    with pytest.raises(StoppedError):
+        closed.lathe.jog_to(AxisName.CARRIAGE, 100_000.0)
+    closed.sim.wait = original  # type: ignore[method-assign]
+    closed.lathe.wait_for_rest()
+    assert stands_still(closed)
+    assert closed.lathe.snapshot().loops_closed is not kill
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda lathe: lathe.enable(),
+        lambda lathe: lathe.home(),
+        lambda lathe: lathe.jog_to(AxisName.TOOL, 100.0),
+        lambda lathe: lathe.load(read_program(SLOW)),
+        lambda lathe: lathe.start(3),
+    ],
+)
+def test_after_a_stop_nothing_that_moves_is_sent(closed: Bench, act: Callable[[Lathe], None]) -> None:
+    closed.stop.stop("operator")
+    closed.sim.wait(0.1)
+    before = [axis.position for axis in closed.lathe.snapshot().axes]
+    with pytest.raises(StoppedError):
+        act(closed.lathe)
+    closed.sim.wait(1.0)
+    assert [axis.position for axis in closed.lathe.snapshot().axes] == before
+
+
+def test_waiting_for_rest_repeats_the_stop_until_it_is_proven(closed: Bench) -> None:
+    closed.client.request("#2J+")
+    closed.sim.wait(1.0)
+    snapshot = closed.lathe.wait_for_rest()
+    assert snapshot.at_rest
+    assert stands_still(closed)
+
+
+def test_a_machine_that_does_not_come_to_rest_is_told(closed: Bench) -> None:
+    closed.client.request("I315=0 #3J+")
+    closed.sim.wait(1.0)
+    with pytest.raises(DriverError) as moving:
+        closed.lathe.wait_for_rest(timeout_s=2.0)
+    assert moving.value.problems[0].code == "machine.not_at_rest"
+
+
+@pytest.mark.parametrize("reply", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\x00", b"\xff\x06", b"1.17\r"])
+def test_something_that_is_no_controller_is_told(bench: Bench, machine: MachineProfile, reply: bytes) -> None:
+    """Whatever it is, it chatters without end; the console gives up within seconds."""
+
+    class Chatter(MemoryLink):
+        def receive(self, timeout_s: float) -> bytes:
+            bench.sim.wait(0.01)
+            return reply
+
+    link = Chatter(bench.port, bench.sim)
+    lathe = Lathe(PmacClient(link, bench.sim), machine, bench.sim, StopPath(link))
+    with pytest.raises(LinkError):
+        lathe.connect()
+    assert bench.sim.now_s() < 30

@@ -1,0 +1,266 @@
+"""Stops: control-A, control-K, following-error trips, and the choice between them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from drivers.errors import LinkError, LinkTimeoutError
+from drivers.pmac.client import PmacClient
+from drivers.stop import StopPath, StoppedError
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from tests.drivers.conftest import Bench
+
+
+class Wire:
+    """A link that only writes down what is sent."""
+
+    address = "wire"
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.urgent: list[bytes] = []
+        self.broken = False
+
+    def send(self, data: bytes) -> None:
+        self.sent.append(data)
+
+    def receive(self, timeout_s: float) -> bytes:
+        return b""
+
+    def send_urgent(self, data: bytes) -> None:
+        if self.broken:
+            raise LinkError(Problem(code="link.lost"))
+        self.urgent.append(data)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("rate", "run_on"), [(0.25, 3732.48), (13.6, 68.6)])
+def test_control_a_runs_on_by_the_square_of_the_speed_over_twice_ix15(
+    closed: Bench, rate: float, run_on: float
+) -> None:
+    """43.2 counts/ms, the peak speed of the lobe: 0.75 mm at the factory's 0.25, 14 um at 13.6 counts/ms2."""
+    closed.client.request(f"I315={rate} I322=43.2 I320=50 I321=0")
+    recorder = closed.record(3)
+    closed.client.request("#3J+")
+    closed.sim.wait(0.5)
+    closed.port.receive(b"\x01")
+    closed.sim.wait(0.006)
+    place = len(recorder.commands)
+    while recorder.commands[place - 1] - recorder.commands[place - 2] < 43.19 * closed.cycle_ms:
+        place -= 1
+    closed.settle()
+    assert recorder.commands[-1] - recorder.commands[place - 1] == pytest.approx(run_on, abs=43.2 * 0.45)
+    assert closed.lathe.snapshot().loops_closed
+
+
+def test_control_a_ramps_down_a_program_without_a_jump(closed: Bench) -> None:
+    closed.client.request("I115=2 I215=2 I315=2")
+    recorder = closed.record(2)
+    closed.program("INC", "TA50 TS0 TM2000", "Y200000")
+    closed.client.request("R")
+    closed.sim.wait(0.5)
+    before = closed.sim.controller.motors[2].desired
+    assert closed.raw(b"\x01") == b""
+    closed.settle()
+    velocity = np.diff(recorder.commands) / closed.cycle_ms
+    assert velocity.max() == pytest.approx(100)
+    assert np.abs(np.diff(velocity)).max() <= 2.0 * closed.cycle_ms * 1.01
+    run_on = recorder.commands[-1] - before
+    assert 100**2 / (2 * 2) <= run_on <= 100**2 / (2 * 2) + 100 * 6
+    assert not closed.lathe.snapshot().program_running
+
+
+def test_a_rate_of_zero_never_stops_the_motor(closed: Bench) -> None:
+    closed.client.request("I315=0 #3J+")
+    closed.sim.wait(0.5)
+    closed.raw(b"\x01")
+    first = closed.number("#3P")
+    closed.sim.wait(5.0)
+    assert closed.number("#3P") - first == pytest.approx(50_000, rel=0.01)
+    closed.raw(b"\x0b")
+
+
+def test_control_k_opens_every_loop_and_the_axes_coast(closed: Bench) -> None:
+    closed.client.request("#2J+")
+    closed.sim.wait(1.0)
+    closed.raw(b"\x0b")
+    snapshot = closed.lathe.snapshot()
+    for axis in snapshot.axes:
+        assert "open_loop" in axis.flags
+        assert "amplifier_enabled" not in axis.flags
+    first = closed.number("#2P")
+    closed.sim.wait(0.5)
+    assert closed.number("#2P") > first + 100
+    closed.sim.wait(30.0)
+    assert closed.number("#2V") == 0
+
+
+def test_control_a_closes_open_loops_as_the_manual_says(bench: Bench) -> None:
+    assert not bench.lathe.snapshot().loops_closed
+    bench.raw(b"\x01")
+    assert bench.lathe.snapshot().loops_closed
+
+
+def test_control_a_leaves_a_motor_that_is_not_activated_alone(bench: Bench) -> None:
+    bench.client.request("I300=0")
+    bench.raw(b"\x01")
+    assert not bench.sim.controller.motors[3].enabled
+    assert bench.sim.controller.motors[1].enabled
+
+
+def trip(bench: Bench) -> None:
+    """Ask the tool for more than its loop can follow: 100 mm/s at once, with a trip of 10 counts."""
+    bench.client.request("I111=160 I119=0 I120=1 I121=0 I122=500")
+    bench.client.request("#1J+")
+    bench.sim.wait(0.2)
+
+
+def test_a_following_error_beyond_ix11_kills_the_motor_and_says_so(closed: Bench) -> None:
+    trip(closed)
+    flags = closed.lathe.snapshot().tool.flags
+    assert {"fatal_following_error", "open_loop"} <= flags
+    assert closed.lathe.snapshot().faults == ("tool: fatal_following_error",)
+    assert not closed.sim.controller.motors[2].enabled, "Ix25 = 0 kills all motors"
+    closed.client.request("#1J/")
+    assert "fatal_following_error" not in closed.lathe.snapshot().tool.flags
+
+
+def test_the_limit_is_in_sixteenths_of_a_count(closed: Bench) -> None:
+    closed.client.request("I311=160")
+    carriage = closed.sim.controller.motors[3]
+    for error, enabled in ((10.0, True), (-10.0, True), (10.5, False)):
+        carriage.desired = carriage.encoder + error
+        closed.sim.controller.background()
+        assert carriage.enabled is enabled
+
+
+def test_ix25_may_spare_the_other_motors_but_never_closes_an_open_one(closed: Bench) -> None:
+    closed.client.request("I125=$400000 #3K")
+    trip(closed)
+    enabled = {number: motor.enabled for number, motor in closed.sim.controller.motors.items()}
+    assert enabled == {1: False, 2: True, 3: False}
+
+
+def test_a_following_error_limit_of_zero_trips_never(closed: Bench) -> None:
+    closed.client.request("I111=0 I119=0 I120=1 I121=0 I122=500 #1J+")
+    closed.sim.wait(0.2)
+    assert closed.sim.controller.motors[1].enabled
+
+
+def test_a_program_ends_with_the_trip_of_one_of_its_motors(closed: Bench) -> None:
+    closed.client.request("I111=160")
+    closed.program("INC", "TA1 TS0 TM100", "X10000 Y1000", "X10000 Y1000")
+    closed.client.request("R")
+    closed.sim.wait(0.3)
+    snapshot = closed.lathe.snapshot()
+    assert not snapshot.program_running
+    assert "fatal_following_error" in closed.lathe.snapshot().tool.flags
+
+
+def test_the_stop_is_a_kill_until_every_loop_is_reported_closed(bench: Bench) -> None:
+    bench.lathe.snapshot()
+    assert not bench.stop.loops_closed
+    bench.stop.stop("hands in the machine")
+    bench.sim.wait(0.1)
+    assert not any(motor.enabled for motor in bench.sim.controller.motors.values())
+
+
+def test_the_stop_is_a_kill_when_one_loop_of_three_is_open(closed: Bench) -> None:
+    closed.client.request("#3K")
+    closed.lathe.snapshot()
+    closed.stop.stop("one axis is open")
+    closed.stop.repeat()
+    closed.sim.wait(0.1)
+    assert not any(motor.enabled for motor in closed.sim.controller.motors.values())
+
+
+def test_the_stop_is_an_abort_while_every_loop_is_closed(closed: Bench) -> None:
+    closed.lathe.snapshot()
+    closed.client.request("#2J+")
+    closed.sim.wait(0.5)
+    closed.stop.stop("operator")
+    closed.settle()
+    assert all(motor.enabled for motor in closed.sim.controller.motors.values())
+
+
+def test_what_is_sent_for_each_state_of_the_drives() -> None:
+    wire = Wire()
+    stop = StopPath(wire)
+    stop.stop("unknown state")
+    stop.loops_closed = True
+    stop.repeat()
+    stop.kill("really")
+    stop.loops_closed = False
+    stop.repeat()
+    assert wire.urgent == [b"\x0b", b"\x01", b"\x0b", b"\x0b"]
+    assert wire.sent == []
+    assert stop.reason == "unknown state"
+
+
+def test_nothing_that_moves_is_allowed_after_a_stop() -> None:
+    stop = StopPath(Wire())
+    stop.check()
+    stop.stop("first")
+    stop.stop("second")
+    for _ in range(2):
+        with pytest.raises(StoppedError) as stopped:
+            stop.check()
+        assert stopped.value.problems[0].value == "first"
+
+
+def test_a_broken_link_does_not_make_the_stop_raise() -> None:
+    wire = Wire()
+    wire.broken = True
+    stop = StopPath(wire)
+    stop.stop("cable cut")
+    assert stop.link_failed
+    assert stop.reason == "cable cut"
+
+
+def test_a_stop_does_not_wait_for_a_pending_reply_nor_spoil_it(closed: Bench) -> None:
+    """The line is half sent, the stop goes between, the line is finished and answered."""
+    closed.lathe.snapshot()
+    closed.client.request("#2J+")
+    closed.sim.wait(0.3)
+    closed.port.receive(b"P1=3 P")
+    closed.stop.stop("operator")
+    closed.port.receive(b"1\r")
+    closed.sim.wait(0.006)
+    assert closed.port.take_output() == b"3\r\x06"
+    closed.settle()
+
+
+def test_a_silent_controller_is_a_timeout_and_the_stop_still_goes(closed: Bench) -> None:
+    wire = Wire()
+    client = PmacClient(wire, closed.sim)
+    before = closed.sim.now_s()
+
+    def receive(timeout_s: float) -> bytes:
+        closed.sim.wait(timeout_s)
+        return b""
+
+    wire.receive = receive  # type: ignore[method-assign]
+    with pytest.raises(LinkTimeoutError):
+        client.request("P1")
+    assert closed.sim.now_s() - before == pytest.approx(2.1, abs=0.1)
+    StopPath(wire).stop("silent")
+    assert wire.urgent == [b"\x0b"]
+
+
+def test_a_controller_that_never_falls_silent_does_not_hold_the_client(closed: Bench) -> None:
+    wire = Wire()
+
+    def receive(timeout_s: float) -> bytes:
+        closed.sim.wait(0.01)
+        return b"\x00"
+
+    wire.receive = receive  # type: ignore[method-assign]
+    with pytest.raises(LinkError):
+        PmacClient(wire, closed.sim).request("P1")
