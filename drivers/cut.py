@@ -49,6 +49,7 @@ class CutPlan:
     spindle_start: float
     carriage_start: float
     spindle_speed_rpm: float
+    segment_ms: float
     duration_s: float
     findings: tuple[Finding, ...]
 
@@ -86,6 +87,7 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int |
         spindle_start=setup.spindle_start,
         carriage_start=setup.carriage_start,
         spindle_speed_rpm=speed_rpm,
+        segment_ms=loop[-1].used.tm_ms,
         duration_s=checked.duration_ms / 1000.0,
         findings=(
             *_path_findings(loop, checked, machine, job, speed_rpm),
@@ -170,7 +172,8 @@ def _path_findings(
     asked_um = (max(targets) - min(targets)) * machine.tool.count_um
     kept_um = (high - low) * machine.tool.count_um
     if asked_um > 0.0 and kept_um < 0.98 * asked_um:
-        findings.append(_warning("cut.stroke_lost", "stroke", f"{kept_um:.2f} um", f"{asked_um:.2f} um"))
+        kept = f"{kept_um:.2f} um ({100.0 * kept_um / asked_um:.1f} %)"
+        findings.append(_warning("cut.stroke_lost", "stroke", kept, f"{asked_um:.2f} um"))
     return findings
 
 

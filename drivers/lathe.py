@@ -34,6 +34,7 @@ LOOKS_AT_REST = 3
 """Looks in a row that must find nothing moving: a coasting axis creeps at the end."""
 
 QUERY_BATCH = 10
+MODAL_SETTINGS = ("I187", "I188", "I189")
 
 
 class AxisName(StrEnum):
@@ -121,8 +122,13 @@ class Lathe:
         return self._client.connect()
 
     def verify(self) -> tuple[Problem, ...]:
-        """Compare the controller's settings and axis definitions with the machine profile; nothing is written."""
-        wanted = self.machine.controller.variables
+        """Compare the controller's settings and axis definitions with the machine profile; nothing is written.
+
+        TA, TS and F of the coordinate system are left out: they are what the last program left behind.
+        """
+        wanted = {
+            name: value for name, value in self.machine.controller.variables.items() if name not in MODAL_SETTINGS
+        }
         names = sorted(wanted, key=lambda name: int(name[1:]))
         problems = []
         for start in range(0, len(names), QUERY_BATCH):

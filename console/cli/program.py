@@ -27,6 +27,7 @@ def main(options: Namespace, text: Catalogue) -> int:
                 "program": plan.cut.text,
                 "spindle_rpm": plan.cut.spindle_speed_rpm,
                 "lobe_frequency_hz": plan.cut.spindle_speed_rpm * job.jaws / 60.0,
+                "segment_ms": plan.cut.segment_ms,
                 "duration_s": plan.cut.duration_s,
                 "warnings": warnings,
             }

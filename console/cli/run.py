@@ -151,6 +151,7 @@ def _fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "following_error_um": figures.following_error_um,
         "following_error_rms_um": figures.following_error_rms_um,
         "telemetry_samples": figures.samples,
+        "segment_ms": plan.cut.segment_ms,
         "cut_duration_s": plan.cut.duration_s,
         "warnings": warnings,
     }

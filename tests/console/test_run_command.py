@@ -59,7 +59,8 @@ def test_the_printed_program_turns_at_half_the_speed_with_two_thirds_of_the_stro
     told = " ".join(result["warnings"])
     assert "20 ms" in told
     assert "500 rpm" in told
-    assert "36.67 um" in told
+    assert "36.67 um (66.7 %)" in told
+    assert result["segment_ms"] == 20
     for warning in result["warnings"]:
         assert warning in said.err
     # 0.657 of the lobe through the sampled loop at 25 Hz: 55 |1 - 0.657 T(25 Hz)|.
@@ -69,7 +70,8 @@ def test_the_printed_program_turns_at_half_the_speed_with_two_thirds_of_the_stro
 def test_ts_5_reaches_the_speed_but_not_the_stroke(console: Console) -> None:
     result = console("run", "lee-2001-experiment-1", "--sim", "--json", "--strategy", "paper", "--ts", "5").json
     assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
-    assert "36.67 um" in " ".join(result["warnings"])
+    assert "36.67 um (66.7 %)" in " ".join(result["warnings"])
+    assert result["segment_ms"] == 10
     assert "10 ms" not in " ".join(result["warnings"])
     # 55 |1 - 0.657 x 0.8855 exp(-0.9023j)| = 43.2.
     assert result["after"]["RONt_um"] == pytest.approx(43.2, abs=1.0)

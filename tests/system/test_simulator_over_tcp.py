@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,9 +15,12 @@ from dataclasses import dataclass
 import pytest
 
 from drivers.clock import RealClock
+from drivers.lathe import AxisName, Lathe
 from drivers.link.address import TcpAddress
 from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
+from drivers.stop import StopPath, StoppedError
+from profiles.store import load_machine
 
 pytestmark = pytest.mark.system
 
@@ -159,4 +163,24 @@ def test_our_own_client_connects_like_anybody_else(address: tuple[str, int]) -> 
     assert float(version) > 1
     client.request("P10..12=3")
     assert client.numbers("P10", "P11", "P12") == (3, 3, 3)
+    link.close()
+
+
+def test_the_lathe_is_verified_homed_and_stopped_over_the_wire(address: tuple[str, int]) -> None:
+    link = TcpLink(TcpAddress(host=address[0], port=address[1]))
+    stop = StopPath(link)
+    lathe = Lathe(PmacClient(link, RealClock()), load_machine("lee-2001-lathe").machine, RealClock(), stop)
+    lathe.connect()
+    assert lathe.verify() == ()
+    lathe.enable()
+    lathe.home()
+    lathe.jog_to(AxisName.SPINDLE, 1234.0)
+    assert lathe.snapshot().homed
+    threading.Timer(0.3, stop.stop, ("operator",)).start()
+    with pytest.raises(StoppedError, match="operator"):
+        lathe.jog_to(AxisName.CARRIAGE, 150_000.0)
+    snapshot = lathe.wait_for_rest()
+    assert snapshot.at_rest
+    assert snapshot.loops_closed
+    assert 0 < snapshot.carriage.position < 100_000
     link.close()
