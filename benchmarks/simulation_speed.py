@@ -14,14 +14,15 @@ from dataclasses import dataclass
 from functools import partial
 
 from benchmarks.measure import print_table, seconds
-from drivers.cut import CutPlan, Strategy, plan_cut, settings_of
+from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.language.text import format_number
+from drivers.pmac.settings import settings_with
 from drivers.simulator.controller import Controller
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.motor import HomeSensor
-from drivers.simulator.plant.axis import Axis
 from drivers.simulator.port import Port
+from drivers.simulator.servo import Axis
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
@@ -59,7 +60,7 @@ class Bench:
     """A controller with three PID axes and one host, advanced a background cycle at a time."""
 
     def __init__(self, machine: MachineProfile) -> None:
-        settings = settings_of(machine)
+        settings = settings_with(machine.controller.variables)
         tool = machine.tool.motor
         motors = (tool, machine.spindle.motor, machine.carriage.motor)
         for motor in motors:

@@ -1,62 +1,99 @@
 """The entry point: reads the command line, runs one command, and turns what goes wrong into one line.
 
+Nothing of the project is imported before `main` runs, so that a Ctrl-C during the imports, too, is caught there
+(one that comes while Python itself still starts is Python's to answer).
 Nothing heavy is imported here: every command imports what it needs.
 """
 
 from __future__ import annotations
 
-import importlib
+import errno
 import os
 import sys
-from collections.abc import Sequence
 
-from console.cli.parser import build
-from console.text.catalogue import Catalogue, choose_language, load
+TYPE_CHECKING = False  # that of `typing` would be the slowest import of this file
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from console.text.catalogue import Catalogue
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
+OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 MODULES = {name: f"console.cli.{name}" for name in ("jobs", "preview", "program", "run", "simulator", "roundness")}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return the exit code: 0 done, 1 refused or failed, 2 wrong usage."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    text = load(choose_language(words, os.environ))
+    text: Catalogue | None = None
+    try:
+        _replace_closed_streams()
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        text = _catalogue(words)
+        return _flushed(_run(words, text), text)
+    except KeyboardInterrupt as interrupted:
+        return _interrupted(interrupted, text)
+
+
+def _catalogue(words: list[str]) -> Catalogue:
+    from console.text.catalogue import choose_language, load
+
+    return load(choose_language(words, os.environ))
+
+
+def _run(words: list[str], text: Catalogue) -> int:
     try:
         return _dispatch(words, text)
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else FAILED
-    except KeyboardInterrupt as interrupted:
-        return _complain(text("error.interrupted", signal=str(interrupted) or "SIGINT"))
     except BrokenPipeError:
         _forget_output()
         return FAILED
+    except OSError as error:
+        # Files and links have problems of their own, so that a bare error of writing is that of the output.
+        bare = error.filename is None and error.errno in OUTPUT_FAULTS
+        return _lost(error, text) if bare else _explain(error, text)
     except Exception as error:
         return _explain(error, text)
-    finally:
-        _flush()
 
 
 def _dispatch(words: list[str], text: Catalogue) -> int:
+    from console.cli.parser import build
+
     parser = build(text)
     options = parser.parse_args(words)
     if options.version:
-        return _version()
+        return _version(options.json)
     if options.command is None:
         parser.print_help()
         print(f"console: {text('usage.no_command', limit=' | '.join(MODULES))}", file=sys.stderr)
         return WRONG_USAGE
-    module = importlib.import_module(MODULES[options.command])
+    from importlib import import_module
+
+    module = import_module(MODULES[options.command])
     if getattr(options, "ts", None) is not None and options.strategy != "paper":
         parser.error(text("usage.ts_without_paper"))
     code: int = module.main(options, text)
     return code
 
 
-def _version() -> int:
+def _version(as_json: bool) -> int:
     from importlib.metadata import version
 
-    print(f"trilobe {version('trilobe')}")
+    if as_json:
+        from json import dumps
+
+        print(dumps({"name": "trilobe", "version": version("trilobe")}, indent=2))
+    else:
+        print(f"trilobe {version('trilobe')}")
     return DONE
+
+
+def _interrupted(interrupted: KeyboardInterrupt, text: Catalogue | None) -> int:
+    signal = str(interrupted) or "SIGINT"
+    if text is None:  # it came before there were any words to choose from
+        return _complain(f"ended by {signal}; nothing was moving")
+    _flushed(FAILED, text)
+    return _complain(text("error.interrupted", signal=signal))
 
 
 def _explain(error: Exception, text: Catalogue) -> int:
@@ -81,12 +118,35 @@ def _complain(line: str) -> int:
     return FAILED
 
 
-def _flush() -> None:
+def _flushed(code: int, text: Catalogue) -> int:
+    """Return the exit code; a result that nobody got is not done."""
+    fault = _output_fault()
+    if isinstance(fault, BrokenPipeError):
+        _forget_output()
+    elif fault is not None:
+        if code == DONE:
+            return _lost(fault, text)
+        _forget_output()  # why it failed has been said
     try:
-        sys.stdout.flush()
         sys.stderr.flush()
     except OSError:
         _forget_output()
+    return code
+
+
+def _output_fault() -> OSError | None:
+    """Return why the output cannot be written, None where it can; what was not written is tried again."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        return error
+    return None
+
+
+def _lost(fault: OSError, text: Catalogue) -> int:
+    _complain(text("error.output", value=fault.strerror or str(fault)))
+    _forget_output()
+    return FAILED
 
 
 def _forget_output() -> None:
@@ -94,6 +154,16 @@ def _forget_output() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
+
+
+def _replace_closed_streams() -> None:
+    """Put the null device where the caller closed a stream, so that no other file takes its number."""
+    if sys.stdin is None:
+        sys.stdin = open(os.devnull, encoding="utf-8")
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,18 +13,22 @@ from enum import StrEnum
 from drivers.errors import DriverError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, extent, loop_lines, run_through
-from drivers.pmac.dialect import PMAC
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import ProgramText, read_program
 from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program, spindle_start_counts
-from drivers.pmac.programs.pvt import pvt_program
-from drivers.pmac.programs.setup import CutSetup, cut_setup
-from profiles.compensation import Sinusoid, invert, wanted_path
+from drivers.pmac.programs.pvt import fits_whole_milliseconds, pvt_program
+from drivers.pmac.programs.setup import CutSetup, cut_setup, refuse_endless
+from drivers.pmac.settings import settings_with
+from profiles.compensation import SMALLEST_RESPONSE, Sinusoid, invert, wanted_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import Finding, Severity
 from profiles.servo import following_error_um, sampled_response
+
+LEAST_TURNS = 3.0
+LEAST_CUT_S = 0.2
+"""The shortest cut: so many turns, and so long, for the looks at the machine during it."""
 
 
 class Strategy(StrEnum):
@@ -58,13 +62,14 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int |
     """Plan a cut. `ts_ms` is the TS of the `paper` strategy in whole ms, None as printed.
 
     Raises:
-        ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `response.too_small`),
-            or the controller would refuse it (`program.refused`).
+        ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
+            `response.too_small`), or the controller would refuse it (`program.refused`).
     """
     wanted = wanted_path(job)
     command: Sinusoid | None = None
     if strategy is Strategy.PAPER:
         setup = cut_setup(job, machine, spindle_start_counts(job, machine))
+        refuse_endless(2 * job.jaws * setup.turns)
         text = paper_program(job, machine, setup, DEFAULT_TS_MS if ts_ms is None else ts_ms)
         tool_start = setup.surface
     else:
@@ -92,7 +97,9 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int |
         findings=(
             *_path_findings(loop, checked, machine, job, speed_rpm),
             *_limit_findings(checked, machine),
-            *_servo_findings(job, machine, command),
+            *_jaw_findings(checked, machine),
+            *_servo_findings(loop, checked, machine, job, speed_rpm),
+            *_length_findings(job),
         ),
     )
 
@@ -106,20 +113,33 @@ def _checked(text: str, machine: MachineProfile, start: dict[int, float]) -> tup
     definitions = read_definitions(machine.controller.axis_definitions)
     try:
         program = read_program(text)
-        return program, run_through(program, settings_of(machine), definitions, start)
+        return program, run_through(program, settings_with(machine.controller.variables), definitions, start)
     except PmacError as error:
         raise DriverError(Problem(code="program.refused", value=str(error))) from error
 
 
-def settings_of(machine: MachineProfile) -> dict[int, float]:
-    """Return every I-variable of the controller as the machine profile has it set."""
-    values = PMAC.factory_variables()
-    values.update({int(name[1:]): value for name, value in machine.controller.variables.items()})
-    return values
-
-
 def _inverse(job: Job, machine: MachineProfile, wanted: Sinusoid) -> Sinusoid:
-    return invert(wanted, complex(sampled_response(machine, job.lobe_frequency_hz)))
+    """Return the command of the `pvt` strategy.
+
+    Raises:
+        ProblemError: `program.too_fast` with the speed that would pass, `response.too_small`.
+    """
+    command = invert(wanted, complex(sampled_response(machine, job.lobe_frequency_hz)))
+    if fits_whole_milliseconds(command, job.lobe_frequency_hz):
+        return command
+    slower_rpm = math.floor(job.spindle_speed_rpm)
+    while slower_rpm > 1 and not _fits_at(job, machine, wanted, slower_rpm):
+        slower_rpm -= 1
+    value, limit = f"{job.spindle_speed_rpm:g} rpm", f"<= {slower_rpm} rpm"
+    raise DriverError(Problem(code="program.too_fast", key="spindle_speed_rpm", value=value, limit=limit))
+
+
+def _fits_at(job: Job, machine: MachineProfile, wanted: Sinusoid, speed_rpm: float) -> bool:
+    frequency_hz = job.jaws * speed_rpm / 60.0
+    response = complex(sampled_response(machine, frequency_hz))
+    if abs(response) < SMALLEST_RESPONSE:
+        return False
+    return fits_whole_milliseconds(invert(wanted, response), frequency_hz)
 
 
 def _start(machine: MachineProfile, setup: CutSetup, tool_start: float) -> dict[int, float]:
@@ -168,7 +188,7 @@ def _path_findings(
         )
     index = checked.motors.index(machine.tool.motor)
     targets = [move.record.target[index] for move in loop]
-    low, high = extent([piece for move in loop[1:] for piece in move.pieces], index)
+    low, high = _stroke(loop, checked, machine)
     asked_um = (max(targets) - min(targets)) * machine.tool.count_um
     kept_um = (high - low) * machine.tool.count_um
     if asked_um > 0.0 and kept_um < 0.98 * asked_um:
@@ -196,16 +216,52 @@ def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Fi
     return findings
 
 
-def _servo_findings(job: Job, machine: MachineProfile, command: Sinusoid | None) -> list[Finding]:
-    """A lobe whose lag alone would trip the following-error limit must not be started."""
-    if command is None or command.amplitude_um == 0.0:
+def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Finding]:
+    """The carriage runs on while the tool goes out; even so it must stay clear of the jaws."""
+    carriage = machine.carriage
+    furthest_mm = checked.highest[carriage.motor] / carriage.counts_per_mm + 0.5 * machine.tool.wiper_land_mm
+    allowed_mm = carriage.jaw_face_mm - carriage.jaw_clearance_mm
+    if furthest_mm <= allowed_mm:
         return []
-    limit_um = machine.controller.variables[f"I{machine.tool.motor}11"] / 16.0 * machine.tool.count_um
-    error_um = following_error_um(machine, command.amplitude_um, job.lobe_frequency_hz)
+    return [_refusal("cut.near_jaws", "cut_length_mm", f"{furthest_mm:.2f} mm", f"<= {allowed_mm:g} mm")]
+
+
+def _servo_findings(
+    loop: tuple[CheckedMove, ...],
+    checked: CheckedProgram,
+    machine: MachineProfile,
+    job: Job,
+    speed_rpm: float,
+) -> list[Finding]:
+    """A path whose lag alone would trip the following-error limit must not be started.
+
+    Whatever its shape, the path is taken as a sine of its own stroke at the lobe frequency.
+    """
+    low, high = _stroke(loop, checked, machine)
+    amplitude_um = 0.5 * (high - low) * machine.tool.count_um
+    error_um = following_error_um(machine, amplitude_um, job.jaws * speed_rpm / 60.0)
+    key = f"I{machine.tool.motor}11"
+    limit_um = machine.controller.variables[key] / 16.0 * machine.tool.count_um
     if error_um < limit_um:
         return []
-    key = f"I{machine.tool.motor}11"
     return [_refusal("cut.following_error", key, f"{error_um:.1f} um", f"< {limit_um:g} um")]
+
+
+def _length_findings(job: Job) -> list[Finding]:
+    """A cut must last for some looks at the machine, or nobody can say how it went."""
+    turns = max(LEAST_TURNS, 1.0 + LEAST_CUT_S * job.spindle_speed_rpm / 60.0)
+    least_mm = turns * job.feed_mm_per_rev
+    if job.cut_length_mm >= least_mm:
+        return []
+    return [_refusal("cut.too_short", "cut_length_mm", f"{job.cut_length_mm:g} mm", f">= {least_mm:.3g} mm")]
+
+
+def _stroke(
+    loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: MachineProfile
+) -> tuple[float, float]:
+    """Return the lowest and highest tool position of the steady cut, counts."""
+    index = checked.motors.index(machine.tool.motor)
+    return extent([piece for move in loop[1:] for piece in move.pieces], index)
 
 
 def _warning(code: str, key: str, value: str, limit: str) -> Finding:

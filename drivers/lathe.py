@@ -7,17 +7,15 @@ that moves is sent twice.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 from functools import partial
 
 from drivers.clock import Clock
-from drivers.errors import DriverError
+from drivers.errors import DriverError, LinkError, LinkTimeoutError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_line, format_number
 from drivers.pmac.program_text import ProgramText
-from drivers.pmac.status import MOTOR_BITS, SYSTEM_BITS, decode
+from drivers.snapshot import AxisName, Snapshot, read_snapshot, snapshot_items
 from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -28,85 +26,38 @@ CUT_POLL_S = 0.023
 JOG_POLL_S = 0.1
 """Time between two looks at an axis on its way."""
 
+LOOK_TIMEOUT_S = 0.3
+"""How long a look may take, before it is tried once more: in a cut nothing else tells of a fault."""
+
+QUICK_LOOK_TIMEOUT_S = 0.1
+"""The same while a stop is being proven, where the next repetition must not wait."""
+
 REST_TIMEOUT_S = 15.0
+COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
 LOOKS_AT_REST = 3
-"""Looks in a row that must find nothing moving: a coasting axis creeps at the end."""
+REST_BAND_COUNTS = 1.0
+"""Rest is so many looks in a row, between which no axis has gone further than this."""
+
+FIRST_MOTOR, LAST_MOTOR = 1, 8
 
 QUERY_BATCH = 10
 MODAL_SETTINGS = ("I187", "I188", "I189")
 
 
-class AxisName(StrEnum):
-    """The axes by their machine names."""
-
-    TOOL = "tool"
-    SPINDLE = "spindle"
-    CARRIAGE = "carriage"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxisState:
-    """One axis as the controller reports it, in counts of its motor."""
-
-    position: float
-    following_error: float
-    flags: frozenset[str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
-    """Everything read in one request; `at_s` is machine time."""
-
-    at_s: float
-    tool: AxisState
-    spindle: AxisState
-    carriage: AxisState
-    program_running: bool
-    runtime_error: bool
-
-    @property
-    def axes(self) -> tuple[AxisState, AxisState, AxisState]:
-        """Tool, spindle, carriage."""
-        return self.tool, self.spindle, self.carriage
-
-    @property
-    def loops_closed(self) -> bool:
-        """Whether every axis is under control."""
-        return all("amplifier_enabled" in a.flags and "open_loop" not in a.flags for a in self.axes)
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether nothing is commanded to move and no program is left."""
-        return not self.program_running and all("desired_velocity_zero" in a.flags for a in self.axes)
-
-    @property
-    def in_position(self) -> bool:
-        """Whether every axis has arrived."""
-        return not self.program_running and all("in_position" in a.flags for a in self.axes)
-
-    @property
-    def homed(self) -> bool:
-        """Whether every axis has found its zero."""
-        return all("home_complete" in a.flags for a in self.axes)
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """Names of the fault bits that are set, by axis."""
-        names = ("fatal_following_error", "amplifier_fault", "negative_limit", "positive_limit")
-        pairs = zip(AxisName, self.axes, strict=True)
-        found = [f"{axis}: {name}" for axis, state in pairs for name in names if name in state.flags]
-        return tuple(found + (["program: runtime_error"] if self.runtime_error else []))
-
-
 class Lathe:
-    """One machine at the end of one link. Methods that move check the stop first and wait for the end."""
+    """One machine at the end of one link. Methods that move check the stop first and wait for the end.
+
+    `has_moved` says whether anything that moves was ever sent.
+    """
 
     def __init__(self, client: PmacClient, machine: MachineProfile, clock: Clock, stop: StopPath) -> None:
         self.machine = machine
         self.stop = stop
         self._client = client
         self._clock = clock
+        self.has_moved = False
+        self._verified = False
         self._motors = {
             AxisName.TOOL: machine.tool.motor,
             AxisName.SPINDLE: machine.spindle.motor,
@@ -144,43 +95,41 @@ class Lathe:
                 problems.append(
                     Problem(code="controller.setting", key=key, value=found_text, limit=str(definition))
                 )
+        problems += self._strange_motors()
+        self._verified = not problems
         return tuple(problems)
 
+    def _strange_motors(self) -> list[Problem]:
+        """Return the motors that are activated though the machine profile does not know them."""
+        others = [m for m in range(FIRST_MOTOR, LAST_MOTOR + 1) if m not in self._motors.values()]
+        names = [f"I{motor}00" for motor in others]
+        return [
+            Problem(code="controller.strange_motor", key=name, value=format_number(found), limit="0")
+            for name, found in zip(names, self._client.numbers(*names), strict=True)
+            if found != 0.0
+        ]
+
     def snapshot(self) -> Snapshot:
-        """Read the state of the machine in one request.
+        """Read the state of the machine in one request, and once more when its reply does not come.
 
         Raises:
             LinkError: the link broke or is out of step.
         """
-        items = []
-        for motor in self._motors.values():
-            items += [f"#{motor}P", "F", "?"]
         try:
-            replies = self._client.query(*items, "&1??")
+            return self._read(LOOK_TIMEOUT_S)
+        except LinkTimeoutError:
+            return self._read(LOOK_TIMEOUT_S)
+
+    def _read(self, timeout_s: float) -> Snapshot:
+        try:
+            replies = self._client.query(*snapshot_items(tuple(self._motors.values())), timeout_s=timeout_s)
+            snapshot = read_snapshot(replies, self._clock.now_s(), self._client.link.address)
         except DriverError:
             # What the drives do now is not known, so the stop must not rely on it.
             self.stop.loops_closed = False
             raise
-        axes = []
-        for index in range(len(self._motors)):
-            position, error, status = replies[3 * index : 3 * index + 3]
-            axes.append(
-                AxisState(
-                    position=float(position),
-                    following_error=float(error),
-                    flags=decode(status, MOTOR_BITS),
-                )
-            )
-        system = decode(replies[-1], SYSTEM_BITS)
-        snapshot = Snapshot(
-            at_s=self._clock.now_s(),
-            tool=axes[0],
-            spindle=axes[1],
-            carriage=axes[2],
-            program_running="running_program" in system,
-            runtime_error="runtime_error" in system,
-        )
-        self.stop.loops_closed = snapshot.loops_closed
+        # A motor that is not ours would be closed by the same control-A, so that must be known, too.
+        self.stop.loops_closed = snapshot.loops_closed and self._verified
         return snapshot
 
     def enable(self) -> None:
@@ -251,37 +200,58 @@ class Lathe:
         """
         return self._wait(lambda s: s.in_position, timeout_s, "program", watch)
 
-    def wait_for_rest(self, timeout_s: float = REST_TIMEOUT_S) -> Snapshot:
-        """After a stop: repeat it until the controller proves that nothing moves.
+    def wait_for_rest(self) -> Snapshot:
+        """After a stop: send it again, and repeat it, until the controller proves that nothing moves.
+
+        After control-K every loop must be open as well, and a spindle may take its time to run out. A look
+        that fails is no proof: the stop goes out again, and the next look is tried.
 
         Raises:
             DriverError: `machine.not_at_rest`.
         """
+        self.stop.repeat()
+        timeout_s = COAST_TIMEOUT_S if self.stop.killed else REST_TIMEOUT_S
         deadline = self._clock.now_s() + timeout_s
-        before = self.snapshot()
+        before: Snapshot | None = None
         looks_at_rest = 0
-        while True:
-            self._clock.wait(STOP_REPEAT_S)
-            snapshot = self.snapshot()
-            still = all(
-                abs(a.position - b.position) <= 1.0 for a, b in zip(snapshot.axes, before.axes, strict=True)
-            )
-            looks_at_rest = looks_at_rest + 1 if snapshot.at_rest and still else 0
-            if looks_at_rest == LOOKS_AT_REST:
-                return snapshot
-            if self._clock.now_s() > deadline:
-                raise DriverError(Problem(code="machine.not_at_rest", value=f"{timeout_s:g} s"))
-            if not snapshot.at_rest:
+        while self._clock.now_s() < deadline:
+            snapshot = self._look()
+            proven = snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not self.stop.killed)
+            if not proven:
                 self.stop.repeat()
+            still = snapshot is not None and before is not None and snapshot.near(before, REST_BAND_COUNTS)
+            looks_at_rest = looks_at_rest + 1 if proven and still else 0
+            if snapshot is not None and looks_at_rest == LOOKS_AT_REST:
+                return snapshot
             before = snapshot
+            if snapshot is not None:
+                self._clock.wait(STOP_REPEAT_S)
+        raise DriverError(Problem(code="machine.not_at_rest", value=f"{timeout_s:g} s"))
+
+    def _look(self) -> Snapshot | None:
+        try:
+            return self._read(QUICK_LOOK_TIMEOUT_S)
+        except DriverError:
+            return None
 
     def _move(self, line: str) -> None:
+        """Send a line that moves something. A stop that overtook it on the way is sent again behind it.
+
+        Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
+        """
         self.stop.check()
+        self.has_moved = True
         try:
-            self._client.request(line)
-        except DriverError:
+            self._client.send(line)
+            if self.stop.reason is not None:
+                self.stop.repeat()
+            self._client.reply(line)
+        except LinkError:
             self.stop.loops_closed = False
             raise
+        if self.stop.reason is not None:
+            self.stop.repeat()
+        self.stop.check()
 
     def _wait(
         self,
@@ -308,5 +278,5 @@ class Lathe:
 
 
 def _arrived(snapshot: Snapshot, axis: AxisName, flag: str) -> bool:
-    state: AxisState = getattr(snapshot, axis.value)
-    return flag in state.flags and "in_position" in state.flags and "home_search" not in state.flags
+    flags = snapshot.axis(axis).flags
+    return flag in flags and "in_position" in flags and "home_search" not in flags

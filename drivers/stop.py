@@ -7,6 +7,8 @@ the ones with hands in the machine among them, the stop is control-K, which open
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from drivers.errors import DriverError, LinkError
 from drivers.link.base import Link
 from profiles.problem import Problem
@@ -20,31 +22,38 @@ class StoppedError(DriverError):
 
 
 class StopPath:
-    """Latched: once stopped, nothing that moves is sent again in this session.
+    """Latched twice, against motion and against energising.
 
-    `loops_closed` is set by the lathe from what the controller reports, and cleared before anything that may
-    open a loop; it starts as False, because nothing is known yet.
+    Once stopped, nothing that moves is sent again in this session; and after one control-K every further stop
+    is a control-K, whatever an older reply says of the drives.
+
+    `loops_closed` is set by the lathe from what the controller reports, and cleared when that is in doubt; it
+    starts as False, because nothing is known yet.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self.loops_closed = False
+        self.killed = False
         self.reason: str | None = None
-        self.link_failed = False
 
     def stop(self, reason: str) -> None:
         """Send the stop now. Safe in a signal handler and from any thread; never raises."""
         self.reason = self.reason or reason
-        self._send(ABORT_ALL if self.loops_closed else KILL_ALL)
+        self.repeat()
 
     def kill(self, reason: str) -> None:
         """Open every loop now; the spindle coasts."""
-        self.reason = self.reason or reason
-        self._send(KILL_ALL)
+        self.killed = True
+        self.stop(reason)
 
     def repeat(self) -> None:
         """Send the stop again, while it is not yet proven that the machine rests."""
-        self._send(ABORT_ALL if self.loops_closed else KILL_ALL)
+        if not self.loops_closed:
+            self.killed = True
+        # A link that is gone has nobody to tell here: the wait for rest fails, and says so.
+        with suppress(LinkError):
+            self._link.send_urgent(KILL_ALL if self.killed else ABORT_ALL)
 
     def check(self) -> None:
         """Refuse to go on after a stop.
@@ -54,10 +63,3 @@ class StopPath:
         """
         if self.reason is not None:
             raise StoppedError(Problem(code="machine.stopped", value=self.reason))
-
-    def _send(self, data: bytes) -> None:
-        try:
-            self._link.send_urgent(data)
-        except LinkError:
-            # Nobody to tell here; the waiting for rest fails and says so.
-            self.link_failed = True

@@ -4,8 +4,9 @@ Both profiles (job and machine) are lists of `Field`. Reading collects every pro
 that a file is corrected once. Nothing is guessed: a truth value is not a number, a text is not a number, and
 3.0 is not a whole number.
 
-Problem codes: `key.unknown`, `key.missing`, `key.twice`, `value.not_number`, `value.not_whole`,
-`value.not_text`, `value.not_choice`, `value.not_finite`, `value.out_of_range`, `schema.unsupported`.
+Problem codes: `key.unknown`, `key.missing`, `key.missing_several`, `key.twice`, `value.not_number`,
+`value.not_whole`, `value.not_text`, `value.not_choice`, `value.not_finite`, `value.out_of_range`,
+`schema.unsupported`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ TEXT_CAP_CHARACTERS = 80
 _DEPTH_CAP_TABLES = 8
 # More than these in one file mean that it is some other file.
 _UNKNOWN_CAP = 20
+# More missing keys than these, and nothing else, are one problem: the file is empty or hardly begun.
+_MISSING_CAP = 3
 
 
 class Kind(StrEnum):
@@ -96,7 +99,7 @@ def read_fields(
             problems.append(Problem(code=code, where=where, key=key, value=spelled(value), limit=field.limit))
         else:
             values[field.key] = _converted(field, value)
-    return values, problems
+    return values, _gathered(problems, where)
 
 
 def fault(field: Field, value: object) -> str:
@@ -180,6 +183,14 @@ def spelled(value: object) -> str:
     else:
         text = str(value)
     return printable(text, 60)
+
+
+def _gathered(problems: list[Problem], where: str) -> list[Problem]:
+    """Return the problems, as one where all they say is that many keys are missing."""
+    if len(problems) <= _MISSING_CAP or any(problem.code != "key.missing" for problem in problems):
+        return problems
+    keys = ", ".join(problem.key for problem in problems)
+    return [Problem(code="key.missing_several", where=where, key=keys, value=str(len(problems)))]
 
 
 def _converted(field: Field, value: Any) -> object:

@@ -24,12 +24,15 @@ FloatArray = NDArray[np.float64]
 FEWEST_POINTS = 4
 HIGHEST_HARMONIC = 15
 POINTS_PER_UNDULATION = 7
+LARGEST_GAP_DEG = 60.0
+"""Half the wave of a three-lobe, crest to valley: in a larger gap all of it can hide."""
 # sqrt(ln 2 / pi): the transmission at the cut-off is one half.
 _ALPHA = math.sqrt(math.log(2) / math.pi)
 # Share of a step by which the angles of an equally spaced trace may be off, such as by rounding in a file.
 _SPACING_TOLERANCE = 0.01
 # Above this ratio of singular values the angles leave a gap in which harmonics can be traded for each other.
 _WORST_CONDITION = 100.0
+_GAP_TOLERANCE_DEG = 1e-6
 # The ovality, p-p, that the limacon model may add to an eccentric trace before it is mentioned.
 _MOST_OVALITY_UM = 0.05
 
@@ -88,13 +91,15 @@ def evaluate(
     """Return the roundness of a trace of M points against its least squares circle.
 
     Both inputs have shape (M,). Unequal angles are taken without a filter only; with one they are refused
-    (`trace.unequal_angles`), because a closed profile is filtered by its spectrum. With the radius of the
+    (`trace.unequal_angles`), because a closed profile is filtered by its spectrum. A gap between neighbouring
+    angles above `LARGEST_GAP_DEG` is refused (`trace.narrow_angles`), filter or not: what stands in it was not
+    measured, and lobes of half its width would be missing from the result without a trace. With the radius of the
     part a warning says when the trace is too eccentric for the limacon model (`trace.eccentric`).
     """
     angle, deviation = _checked(angle_deg, deviation_um)
     mean_um, x_um, y_um = _circle(angle, deviation)
     profile = centred_profile(angle, deviation, filter_upr)
-    peak, valley = float(profile.max()), -float(profile.min())
+    peak, valley = float(profile.max()), 0.0 - float(profile.min())
     return RoundnessResult(
         ront_um=peak + valley,
         ronp_um=peak,
@@ -121,9 +126,8 @@ def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: f
     if filter_upr is None:
         return np.asarray(centred, dtype=np.float64)
     if not equally_spaced(angle):
-        raise ProfileError(
-            Problem(code="trace.unequal_angles", key="angle_deg", limit=f"{360 / angle.size:g} deg")
-        )
+        value, limit = f"{largest_gap_deg(angle):g} deg", f"{360 / angle.size:g} deg"
+        raise ProfileError(Problem(code="trace.unequal_angles", key="angle_deg", value=value, limit=limit))
     order = np.argsort(np.mod(angle, 360.0), kind="stable")
     filtered = np.empty_like(centred)
     filtered[order] = gaussian_filter(centred[order], filter_upr)
@@ -149,10 +153,19 @@ def gaussian_filter(profile_um: ArrayLike, cutoff_upr: float) -> FloatArray:
 
 def equally_spaced(angle_deg: ArrayLike) -> bool:
     """Return whether the angles, in any order and from any start, divide the turn into equal steps."""
-    angle = np.sort(np.mod(np.asarray(angle_deg, dtype=np.float64), 360.0))
-    step = 360.0 / angle.size
-    gaps = np.diff(angle, append=angle[0] + 360.0)
+    gaps = _gaps_deg(angle_deg)
+    step = 360.0 / gaps.size
     return bool(np.all(np.abs(gaps - step) <= _SPACING_TOLERANCE * step))
+
+
+def largest_gap_deg(angle_deg: ArrayLike) -> float:
+    """Return the largest step between neighbouring angles, in any order and from any start."""
+    return float(_gaps_deg(angle_deg).max())
+
+
+def _gaps_deg(angle_deg: ArrayLike) -> FloatArray:
+    angle = np.sort(np.mod(np.asarray(angle_deg, dtype=np.float64), 360.0))
+    return np.diff(angle, append=angle[0] + 360.0)
 
 
 def _checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -163,8 +176,14 @@ def _checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[FloatArray,
         raise ProfileError(Problem(code="trace.columns", value=value, limit="(M,) (M,)"))
     if angle.size < FEWEST_POINTS:
         raise ProfileError(Problem(code="trace.few_points", value=str(angle.size), limit=f">= {FEWEST_POINTS}"))
-    if not (np.isfinite(angle).all() and np.isfinite(deviation).all()):
-        raise ProfileError(Problem(code="trace.not_finite"))
+    for key, values in (("angle_deg", angle), ("deviation_um", deviation)):
+        if not np.isfinite(values).all():
+            value = f"{values[~np.isfinite(values)][0]:g}"
+            raise ProfileError(Problem(code="trace.not_finite", key=key, value=value))
+    gap_deg = largest_gap_deg(angle)
+    if gap_deg > LARGEST_GAP_DEG + _GAP_TOLERANCE_DEG:
+        value, limit = f"{gap_deg:g} deg", f"<= {LARGEST_GAP_DEG:g} deg"
+        raise ProfileError(Problem(code="trace.narrow_angles", key="angle_deg", value=value, limit=limit))
     return angle, deviation
 
 
@@ -172,9 +191,7 @@ def _circle(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[float, flo
     """Return mean, x and y of the least squares circle."""
     theta = np.radians(angle_deg)
     design = np.column_stack((np.ones_like(theta), np.cos(theta), np.sin(theta)))
-    solution, _, _, singular = np.linalg.lstsq(design, deviation_um, rcond=None)
-    if singular[-1] * _WORST_CONDITION < singular[0]:
-        raise ProfileError(Problem(code="trace.narrow_angles", key="angle_deg", limit="0 … 360 deg"))
+    solution = np.linalg.lstsq(design, deviation_um, rcond=None)[0]
     return float(solution[0]), float(solution[1]), float(solution[2])
 
 

@@ -9,12 +9,13 @@ from console.cli.output import print_json
 from console.session.paths import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """List every job; one that cannot be read is listed with its reason."""
+    """List every job by the name that other commands take; one that cannot be read is listed with its reason."""
     folder = jobs_folder(data_of(options))
     listed = [(entry, _load(entry)) for entry in list_jobs(folder)]
     if options.json:
@@ -39,10 +40,10 @@ def _load(entry: LibraryEntry) -> LoadedJob | tuple[Problem, ...]:
 
 def _row(entry: LibraryEntry, loaded: LoadedJob | tuple[Problem, ...], text: Catalogue) -> tuple[str, ...]:
     if not isinstance(loaded, LoadedJob):
-        return (entry.name, text("jobs.unreadable"), "", "", "", "")
+        return (printable(entry.name), text("jobs.unreadable"), "", "", "", "")
     job = loaded.job
     return (
-        entry.name,
+        printable(entry.name),
         job.material,
         f"D {job.diameter_mm:.1f} x {job.wall_thickness_mm:.1f} mm",
         f"{job.lobe_error_um_pp:.1f} um p-p",
@@ -58,6 +59,7 @@ def _fields(entry: LibraryEntry, loaded: LoadedJob | tuple[Problem, ...], text: 
     job = loaded.job
     return {
         **fields,
+        "title": job.name,
         "sha256": loaded.sha256,
         "material": job.material,
         "diameter_mm": job.diameter_mm,

@@ -10,7 +10,12 @@ from profiles.roundness import RoundnessResult
 
 def print_json(value: Mapping[str, object]) -> None:
     """Print one JSON object. Numbers are not rounded; there is no NaN in JSON, so none may be in `value`."""
-    print(json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2))
+    shown = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
+    try:
+        shown.encode("utf-8")
+    except UnicodeEncodeError:  # a file name that is no text; escaped, it can be printed
+        shown = json.dumps(value, allow_nan=False, indent=2)
+    print(shown)
 
 
 def roundness_fields(result: RoundnessResult) -> dict[str, object]:

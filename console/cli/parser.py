@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from typing import NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from console.text.catalogue import LANGUAGES, Catalogue
+
+if TYPE_CHECKING:
+    from drivers.link.address import TcpAddress
 
 DEFAULT_MACHINE = "lee-2001-lathe"
 STRATEGIES = ("none", "paper", "pvt")
@@ -36,6 +39,10 @@ class Parser(argparse.ArgumentParser):
 
     text: Catalogue
 
+    def print_help(self, file: Any = None) -> None:
+        """Print the help; unlike the one of argparse, let the caller know when nobody can read it."""
+        (file or sys.stdout).write(self.format_help())
+
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the command line, and exit with 2."""
         said = " ".join(message.split())
@@ -48,12 +55,21 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(2)
 
 
+class _Formatter(argparse.HelpFormatter):
+    """The word in front of the usage line in the operator's language."""
+
+    def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
+        """Add the usage line; argparse gives a prefix of its own only where there is to be none."""
+        super().add_usage(usage, actions, groups, Parser.text("help.usage") + " " if prefix is None else prefix)
+
+
 def build(text: Catalogue) -> Parser:
     """Return the parser of the whole command line."""
     Parser.text = text
     parser = Parser(prog="console", description=text("help.console"), add_help=False, allow_abbrev=False)
     _titles(parser, text)
     parser.add_argument("--version", action="store_true", help=text("help.version"))
+    parser.add_argument("--json", action="store_true", help=text("help.json"))
     _language(parser, text)
     commands = parser.add_subparsers(
         dest="command", metavar="COMMAND", title=text("help.commands"), parser_class=Parser
@@ -94,7 +110,7 @@ def _run(commands: _Commands, text: Catalogue) -> None:
 
 def _simulator(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "simulator", text)
-    parser.add_argument("--tcp", metavar="HOST:PORT", required=True, help=text("help.tcp"))
+    parser.add_argument("--tcp", metavar="HOST:PORT", type=_host_port, required=True, help=text("help.tcp"))
     _machine(parser, text)
 
 
@@ -113,14 +129,15 @@ def _command(commands: _Commands, name: str, text: Catalogue) -> Parser:
         allow_abbrev=False,
     )
     _titles(parser, text)
-    parser.add_argument("--json", action="store_true", help=text("help.json"))
+    # Not given here, it stays as it was given before the command.
+    parser.add_argument("--json", action="store_true", default=argparse.SUPPRESS, help=text("help.json"))
     parser.add_argument("--data", metavar="FOLDER", help=text("help.data"))
     _language(parser, text)
     return parser
 
 
 def _titles(parser: Parser, text: Catalogue) -> None:
-    parser.usage = None
+    parser.formatter_class = _Formatter
     parser._positionals.title = text("help.arguments")  # noqa: SLF001 - no public way to name the groups
     parser._optionals.title = text("help.options")  # noqa: SLF001
     parser.add_argument("-h", "--help", action="help", help=text("help.help"))
@@ -147,6 +164,16 @@ def _ts(word: str) -> int:
     if not (word.isascii() and word.isdigit()) or int(word) > TS_LIMIT_MS:
         raise argparse.ArgumentTypeError(Parser.text("usage.ts", value=word, limit=TS_LIMIT_MS))
     return int(word)
+
+
+def _host_port(word: str) -> TcpAddress:
+    from drivers.link.address import parse_host_port
+    from profiles.problem import ProblemError
+
+    try:
+        return parse_host_port(word)
+    except ProblemError as error:
+        raise argparse.ArgumentTypeError(Parser.text.problem(error.problems[0])) from error
 
 
 def _filter(word: str) -> float | None:

@@ -8,24 +8,25 @@ from dataclasses import asdict
 
 from console.cli.library import job_of, machine_of
 from console.cli.output import print_json
+from console.cli.parser import DEFAULT_STRATEGY
 from console.session.preview import Preview, Response, preview
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from drivers.cut import CutPlan
+from drivers.cut import CutPlan, Strategy
 from profiles.problem import ProblemError
-from profiles.rules import Finding, Severity
+from profiles.rules import Finding, Severity, refusals
 
 _MARKS = {Severity.OK: "✓", Severity.WARNING: "!", Severity.REFUSAL: "✗"}
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Print the preview; 1 when a rule refuses the job."""
+    """Print the preview; 1 when a rule refuses the job, or when the default strategy cannot cut it."""
     seen = preview(job_of(options).job, machine_of(options).machine)
     if options.json:
         print_json(_fields(seen, text))
     else:
         print("\n".join(_lines(seen, text)))
-    return 1 if any(f.severity is Severity.REFUSAL for f in seen.findings) else 0
+    return 1 if refusals(seen.findings) or _refused(seen.strategies[Strategy(DEFAULT_STRATEGY)]) else 0
 
 
 def _fields(seen: Preview, text: Catalogue) -> dict[str, object]:
@@ -39,11 +40,21 @@ def _fields(seen: Preview, text: Catalogue) -> dict[str, object]:
         "command": asdict(seen.command),
         "eq9": {**asdict(seen.eq9), **asdict(seen.eq9_loop), "gain_margin": _finite(seen.eq9_loop.gain_margin)},
         "sampled_loop": asdict(seen.sampled),
-        "drive": {**asdict(seen.need), **{f"{k}_percent": s.percent for k, s in seen.shares.items()}},
+        "drive": _drive(seen),
         "grip_margin_n": seen.grip_margin_n,
         "findings": [_finding(f, text) for f in seen.findings],
         "strategies": {name: _strategy(plan, text) for name, plan in seen.strategies.items()},
     }
+
+
+def _drive(seen: Preview) -> dict[str, float]:
+    needs = {**asdict(seen.need), **{key: share.need for key, share in seen.shares.items()}}
+    limits = {f"{key}_limit": share.limit for key, share in seen.shares.items()}
+    return {**needs, **limits, **{f"{key}_percent": share.percent for key, share in seen.shares.items()}}
+
+
+def _refused(plan: CutPlan | ProblemError) -> bool:
+    return isinstance(plan, ProblemError) or bool(refusals(plan.findings))
 
 
 def _finite(value: float) -> float | None:
@@ -54,10 +65,14 @@ def _finding(finding: Finding, text: Catalogue) -> dict[str, object]:
     return {
         "severity": finding.severity.value,
         "code": finding.problem.code,
-        "value": finding.problem.value,
-        "limit": finding.problem.limit,
-        "text": text.problem(finding.problem) if finding.severity is not Severity.OK else "",
+        "text": text.problem(finding.problem) if finding.severity is not Severity.OK else _held(finding, text),
     }
+
+
+def _held(finding: Finding, text: Catalogue) -> str:
+    """A rule that holds has no sentence: its name, and what was met against what is allowed."""
+    problem = finding.problem
+    return f"{text(f'name.{problem.code}')}: {problem.value} ({problem.limit})"
 
 
 def _strategy(plan: CutPlan | ProblemError, text: Catalogue) -> dict[str, object]:
@@ -80,7 +95,7 @@ def _lines(seen: Preview, text: Catalogue) -> list[str]:
         ),
         (text("preview.source"), text(f"source.{job.lobe_error_source}")),
         (text("preview.wanted"), f"{seen.wanted.mean_um:.1f} ± {seen.wanted.amplitude_um:.2f} um"),
-        (text("preview.command"), f"± {seen.command.amplitude_um:.2f} um, {lead_deg:+.2f} deg"),
+        (text("preview.command"), f"± {seen.command.amplitude_um:.2f} um, {lead_deg:+z.2f} deg"),
         (text("preview.grip"), f"{seen.grip_margin_n:.0f} N"),
     ]
     loops = [
@@ -111,7 +126,7 @@ def _loop_row(name: str, response: Response) -> tuple[str, ...]:
     return (
         name,
         f"{response.gain:.4f}",
-        f"{response.phase_rad:+.4f} rad",
+        f"{response.phase_rad:+z.4f} rad",
         f"{response.residual_um_pp:.1f} um p-p",
     )
 
@@ -123,8 +138,12 @@ def _judged(seen: Preview, text: Catalogue) -> list[str]:
     ]
     lines = table(rows)
     for name, plan in seen.strategies.items():
-        problems = plan.problems if isinstance(plan, ProblemError) else [f.problem for f in plan.findings]
-        lines += [f"{name}: {text.problem(problem)}" for problem in problems]
-        if not problems and isinstance(plan, CutPlan):
-            lines.append(f"{name}: {text('preview.clean', duration=f'{plan.duration_s:.1f}')}")
+        lines += [f"{_MARKS[severity]}  {name}: {said}" for severity, said in _said(plan, text)]
     return lines
+
+
+def _said(plan: CutPlan | ProblemError, text: Catalogue) -> list[tuple[Severity, str]]:
+    if isinstance(plan, ProblemError):
+        return [(Severity.REFUSAL, text.problem(problem)) for problem in plan.problems]
+    said = [(f.severity, text.problem(f.problem)) for f in plan.findings]
+    return said or [(Severity.OK, text("preview.clean", duration=f"{plan.duration_s:.1f}"))]

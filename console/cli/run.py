@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from contextlib import suppress
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -81,7 +82,9 @@ def _recorded(
         result = run(plan, open_shop, tell)
         record.add("result", _fields(result, warnings))
     except BaseException as error:
-        record.add("ended", {"reason": str(error) or type(error).__name__})
+        # What ended the run matters more than a record that cannot take it.
+        with suppress(SessionError):
+            record.add("ended", {"reason": str(error) or type(error).__name__})
         raise
     finally:
         record.close()

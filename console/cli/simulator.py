@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from typing import TYPE_CHECKING
 
 from console.cli.library import machine_of
 from console.cli.output import print_json
 from console.text.catalogue import Catalogue
 
+if TYPE_CHECKING:
+    from drivers.link.address import TcpAddress
+
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Serve until a signal ends it."""
-    from drivers.link.address import TcpAddress, parse_host_port
     from drivers.simulator.machine import SimulatedLathe
     from drivers.simulator.server import serve
 
-    address = parse_host_port(options.tcp)
     machine = machine_of(options).machine
 
     def ready(bound: TcpAddress) -> None:
@@ -26,5 +28,5 @@ def main(options: Namespace, text: Catalogue) -> int:
             print(text("simulator.ready", machine=machine.name, address=bound))
         sys.stdout.flush()
 
-    serve(SimulatedLathe(machine), address, ready)
+    serve(SimulatedLathe(machine), options.tcp, ready)
     return 0

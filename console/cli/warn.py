@@ -1,16 +1,26 @@
-"""What is told before anything moves."""
+"""What is told beside the result: warnings, on the error output."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
-from console.session.run import RunPlan
 from console.text.catalogue import Catalogue
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from console.session.run import RunPlan
 
 
 def tell_warnings(plan: RunPlan, text: Catalogue) -> list[str]:
     """Print each warning of a plan on stderr, one line each, and return them."""
-    warnings = [text.problem(problem) for problem in plan.warnings]
+    return tell(plan.warnings, text)
+
+
+def tell(problems: Iterable[Problem], text: Catalogue) -> list[str]:
+    """Print each problem as a warning on stderr, one line each, and return the sentences."""
+    warnings = [text.problem(problem) for problem in problems]
     for warning in warnings:
         print(f"console: {text('warning')}: {warning}", file=sys.stderr)
     sys.stderr.flush()

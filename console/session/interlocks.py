@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
 from drivers.cut import CutPlan
-from drivers.lathe import AxisName, Snapshot
+from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import math
 from dataclasses import dataclass
 
 from drivers.cut import CutPlan, Strategy, plan_cut
@@ -25,7 +26,7 @@ class Response:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """A need of the drive against what the machine has, both in the same unit."""
+    """A need of the drive against what the machine has, both in the same unit, both peak or both rms."""
 
     need: float
     limit: float
@@ -90,15 +91,19 @@ def _response(job: Job, response: complex) -> Response:
 
 
 def _shares(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
+    """The needs of the sine, by name. All are peak values but `force_rms_n`, which heats the motor.
+
+    The velocity is set against Ix16 of the tool motor, which a program must not exceed (`cut.too_fast`).
+    """
     tool = machine.tool
+    fastest_mm_per_s = machine.controller.variables[f"I{tool.motor}16"] / tool.counts_per_mm * 1000.0
     return {
-        "velocity_mm_per_s": Share(
-            need=need.velocity_mm_per_s, limit=tool.encoder_max_velocity_m_per_min * 1000.0 / 60.0
-        ),
+        "velocity_mm_per_s": Share(need=need.velocity_mm_per_s, limit=fastest_mm_per_s),
         "acceleration_m_per_s2": Share(
             need=need.acceleration_m_per_s2, limit=tool.encoder_max_acceleration_m_per_s2
         ),
-        "force_n": Share(need=need.force_n, limit=tool.continuous_force_n),
+        "force_n": Share(need=need.force_n, limit=tool.peak_force_n),
+        "force_rms_n": Share(need=need.force_n / math.sqrt(2.0), limit=tool.continuous_force_n),
         "current_a": Share(need=need.current_a, limit=tool.peak_current_a),
     }
 

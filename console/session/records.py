@@ -13,8 +13,11 @@ from console.session.errors import SessionError
 from profiles.problem import Problem
 
 FILE_NAME = "records.sqlite3"
+LOCK_TIMEOUT_S = 1.0
+"""How long another writer is waited for: the drives may be on meanwhile."""
 
 _SCHEMA = """
+PRAGMA user_version = 1;
 CREATE TABLE IF NOT EXISTS runs (
     run_id TEXT PRIMARY KEY, started_utc TEXT NOT NULL, software TEXT NOT NULL,
     job TEXT NOT NULL, job_sha256 TEXT NOT NULL, machine TEXT NOT NULL, machine_sha256 TEXT NOT NULL,
@@ -47,7 +50,7 @@ class RunRecord:
         self._count = 0
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._database = sqlite3.connect(self._path, timeout=5.0)
+            self._database = sqlite3.connect(self._path, timeout=LOCK_TIMEOUT_S)
             self._database.execute("PRAGMA journal_mode=WAL")
             self._database.executescript(_SCHEMA)
             columns = ", ".join(("run_id", "started_utc", *run))
@@ -57,13 +60,13 @@ class RunRecord:
                     f"INSERT INTO runs ({columns}) VALUES ({marks})", (self.run_id, _now(), *run.values())
                 )
         except (OSError, sqlite3.Error) as error:
-            raise self._error(error) from error
+            raise self._error("record.unwritable", error) from error
 
     def add(self, kind: str, data: Mapping[str, object]) -> None:
         """Add an event; it is on the disk when this returns.
 
         Raises:
-            SessionError: `record.unwritable`.
+            SessionError: `record.lost`; the run is not to go on unrecorded.
         """
         self._count += 1
         row = (self.run_id, self._count, _now(), kind, json.dumps(data, ensure_ascii=False))
@@ -71,14 +74,14 @@ class RunRecord:
             with self._database:
                 self._database.execute("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row)
         except sqlite3.Error as error:
-            raise self._error(error) from error
+            raise self._error("record.lost", error) from error
 
     def close(self) -> None:
         """Let go of the file."""
         self._database.close()
 
-    def _error(self, error: Exception) -> SessionError:
-        return SessionError(Problem(code="record.unwritable", where=str(self._path), value=str(error)))
+    def _error(self, code: str, error: Exception) -> SessionError:
+        return SessionError(Problem(code=code, where=str(self._path), value=str(error)))
 
 
 def _now() -> str:

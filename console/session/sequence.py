@@ -6,7 +6,6 @@ Whatever goes wrong after the machine is there, it is stopped and proven to rest
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -14,8 +13,8 @@ from console.session.errors import SessionError
 from console.session.interlocks import Interlock, of_machine, refuse_unless
 from console.session.telemetry import CutFigures, Telemetry
 from drivers.cut import CutPlan
-from drivers.lathe import AxisName, Lathe
-from drivers.stop import StoppedError
+from drivers.lathe import Lathe
+from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 from profiles.traces import Trace
@@ -64,27 +63,34 @@ def cut_part(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
-            could not be proven.
+            could not be proven. What is refused before anything moved leaves the machine alone.
     """
+    lathe = shop.lathe
+    version, kind = lathe.connect()
     try:
+        tell(Step.LOAD, f"{kind} {version}")
+        _prepare(lathe, plan, tell)
         return _steps(shop, job, plan, tell)
     except ProblemError as error:
-        raise _left_at_rest(shop.lathe, error) from error
-    except BaseException:
+        if lathe.stop.reason is None and not lathe.has_moved:
+            raise
+        raise _left_at_rest(lathe, plan, error) from error
+    except Exception as fault:
         # A fault of the console itself is no reason for the machine to go on.
-        with suppress(ProblemError):
-            shop.lathe.stop.stop("console fault")
-            shop.lathe.wait_for_rest()
-        raise
+        what = " ".join(f"{type(fault).__name__}: {fault}".split())
+        unexpected = SessionError(Problem(code="session.fault", value=what))
+        raise _left_at_rest(lathe, plan, unexpected) from fault
+
+
+def _prepare(lathe: Lathe, plan: CutPlan, tell: Tell) -> None:
+    """Load the program and look at the settings; nothing moves."""
+    lathe.load(plan.program)
+    tell(Step.CHECK, f"PROG {plan.program.number}")
+    refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
 
 
 def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
     lathe = shop.lathe
-    version, kind = lathe.connect()
-    tell(Step.LOAD, f"{kind} {version}")
-    lathe.load(plan.program)
-    tell(Step.CHECK, f"PROG {plan.program.number}")
-    refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
     tell(Step.ALIGN, "")
     _align(shop, job, plan)
     tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
@@ -123,20 +129,29 @@ def _cut(lathe: Lathe, job: Job, plan: CutPlan) -> CutFigures:
 def _prove_retracted(lathe: Lathe, plan: CutPlan) -> None:
     """The program takes the tool out; the controller must say that it is there and that nothing moves."""
     snapshot = lathe.snapshot()
-    out = plan.setup.surface
-    if not snapshot.at_rest or snapshot.tool.position > out - RETRACT_BAND_COUNTS:
-        value, limit = f"{snapshot.tool.position:.0f} counts", f"< {out - RETRACT_BAND_COUNTS:.0f} counts"
+    if not snapshot.at_rest or not _is_clear(snapshot, plan):
+        value, limit = f"{snapshot.tool.position:.0f} counts", f"< {_clear_of(plan):.0f} counts"
         raise SessionError(Problem(code="machine.not_retracted", key="tool", value=value, limit=limit))
 
 
-def _left_at_rest(lathe: Lathe, error: ProblemError) -> ProblemError:
-    """Stop, wait for rest, and return the error to raise; one that could not prove rest says so."""
+def _clear_of(plan: CutPlan) -> float:
+    return plan.setup.surface - RETRACT_BAND_COUNTS
+
+
+def _is_clear(snapshot: Snapshot, plan: CutPlan) -> bool:
+    return snapshot.tool.position < _clear_of(plan)
+
+
+def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
+    """Stop, wait for rest, and return the error to raise, with what the operator must know of the machine."""
     if lathe.stop.reason is None:
         lathe.stop.stop(error.problems[0].code)
     try:
-        lathe.wait_for_rest()
+        snapshot = lathe.wait_for_rest()
     except ProblemError as unproven:
         return SessionError(*error.problems, *unproven.problems, Problem(code="machine.state_unknown"))
-    if isinstance(error, StoppedError):
-        return SessionError(*error.problems)
-    return error
+    if snapshot.homed and not _is_clear(snapshot, plan):
+        # The tool may be in the part: say so, and whether the machine can take it out.
+        code = "machine.tool_in_part" if snapshot.loops_closed else "machine.retract_not_possible"
+        return SessionError(*error.problems, Problem(code=code))
+    return SessionError(*error.problems)

@@ -14,8 +14,8 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class Interruption:
     """Turns a signal into a stop of whatever machine is being guarded.
 
-    Installed before anything heavy is imported, so that there is no moment in which a signal shows a
-    traceback. With a machine the handler only sends the stop: the session then sees it, waits for rest, leaves.
+    Installed before the numerics are loaded. With a machine the handler only sends the stop: the session then
+    sees it, waits for rest, and leaves. Before there is a machine it ends the command at once.
     """
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.cut import CutPlan
-from drivers.lathe import Snapshot
+from drivers.snapshot import Snapshot
 from profiles.machine import MachineProfile
 
 

@@ -31,9 +31,16 @@ class Catalogue:
         key = f"problem.{problem.code}"
         if key not in self._entries:
             return " ".join(str(problem).split())
-        sentence = self(key, key=problem.key, value=problem.value, limit=problem.limit, where=problem.where)
+        # A field without bounds says nothing of what is allowed.
+        unbounded = "any number" if problem.code.startswith(("key.", "value.")) else ""
+        value, limit = self._word(problem.value), self._word(problem.limit or unbounded)
+        sentence = self(key, key=problem.key, value=value, limit=limit, where=problem.where)
         shown = f"{problem.where}: {sentence}" if problem.where and problem.where not in sentence else sentence
         return " ".join(shown.split())
+
+    def _word(self, fact: str) -> str:
+        """Return the fixed wording of a fact, such as "not a regular file", in this language; else the fact."""
+        return self._entries.get(f"word.{fact}", fact)
 
 
 def load(language: str) -> Catalogue:

@@ -21,7 +21,7 @@ class Link(Protocol):
         """Return what has come, waiting at most `timeout_s` of machine time; empty when nothing came."""
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop ahead of everything that has not left yet."""
+        """Send a stop now, behind no more than what is already being sent."""
 
     def close(self) -> None:
         """Let go of the link. The machine is not told anything."""

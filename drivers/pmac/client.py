@@ -11,8 +11,6 @@ from drivers.link.base import Link
 from drivers.pmac.framing import FramingError, Reply, take_reply
 from profiles.problem import Problem
 
-ABORT_ALL = b"\x01"
-KILL_ALL = b"\x0b"
 FLUSH = b"\x18"
 
 REPLY_TIMEOUT_S = 2.0
@@ -66,12 +64,31 @@ class PmacClient:
             LinkTimeoutError: no complete reply in time; what the line did is unknown.
             LinkError: the link broke or is out of step.
         """
+        self.send(line)
+        return self.reply(line, timeout_s)
+
+    def send(self, line: str) -> None:
+        """Send one line without waiting; `reply` must follow, one line is in flight at a time.
+
+        Raises:
+            ControllerError: `controller.line_too_long`, nothing was sent.
+            LinkError: the link broke.
+        """
         data = line.encode("latin-1")
         if len(data) > LINE_LIMIT or b"\r" in data:
             raise ControllerError(
                 Problem(code="controller.line_too_long", where=self.link.address, value=line[:40])
             )
         self.link.send(data + b"\r")
+
+    def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S) -> tuple[str, ...]:
+        """Return the data of the reply to `line`, which was sent before.
+
+        Raises:
+            ControllerError: the controller refused it.
+            LinkTimeoutError: no complete reply in time; what the line did is unknown.
+            LinkError: the link broke or is out of step.
+        """
         reply = self._reply(line, timeout_s)
         if reply.error_number is not None:
             raise ControllerError(
@@ -80,14 +97,14 @@ class PmacClient:
             )
         return reply.lines
 
-    def query(self, *items: str) -> tuple[str, ...]:
+    def query(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S) -> tuple[str, ...]:
         """Ask for several values in one line; return exactly one text for each.
 
         Raises:
             LinkError: `link.out_of_step`, the reply has another number of lines.
         """
         line = " ".join(items)
-        values = self.request(line)
+        values = self.request(line, timeout_s)
         if len(values) != len(items):
             raise LinkError(
                 Problem(

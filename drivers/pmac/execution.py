@@ -150,8 +150,11 @@ class ProgramRun:
 
     def _assign(self, statement: syntax.Assign) -> Callable[[], None]:
         value = self._expression(statement.value)
-        index = self._expression(statement.target.index)
         kind, variables = statement.target.kind, self._variables
+        if isinstance(statement.target.index, syntax.Number):
+            fixed = int(statement.target.index.value)
+            return lambda: variables.set(kind, fixed, value(variables))
+        index = self._expression(statement.target.index)
 
         def step() -> None:
             variables.set(kind, int(index(variables)), value(variables))

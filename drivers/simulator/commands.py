@@ -67,7 +67,7 @@ def _address_motor(scanner: Scanner, context: Context) -> None:
 
 def _define_axis(scanner: Scanner, context: Context, motor: int) -> None:
     controller = context.controller
-    if scanner.at_end or scanner.accept(","):
+    if scanner.at_end or scanner.peek("#&") or scanner.accept(","):
         system = controller.system_of(motor)
         definition = system.definitions[motor] if system is not None else 0
         context.lines.append(str(definition))

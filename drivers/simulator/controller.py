@@ -13,16 +13,14 @@ from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import Line
+from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.coordinate import CoordinateSystem
-from drivers.simulator.motor import SIXTEENTHS, HomeSensor, Motor
-from drivers.simulator.plant.axis import Axis
+from drivers.simulator.motor import HomeSensor, Motor
+from drivers.simulator.servo import Axis
 
 SYSTEM_COUNT = 8
 """Coordinate systems of the non-Turbo controller."""
-
-I10_PER_MS = 8_388_608.0
-"""I10 counts servo time in 2^-23 ms."""
 
 
 @dataclass(slots=True)
@@ -67,11 +65,8 @@ class Controller:
 
     @property
     def cycle_ms(self) -> float:
-        """Servo time as I10 states it, ms: what trajectories are calculated with.
-
-        I10 has 23 bits and wraps; a 0 would stop the time of every motion, so the least step is taken.
-        """
-        return max(1, int(self.variables.i(10)) % int(I10_PER_MS)) / I10_PER_MS
+        """Servo time as I10 states it, ms: what trajectories are calculated with."""
+        return servo_cycle_ms(self.variables.i(10))
 
     @property
     def now_ms(self) -> float:
@@ -96,8 +91,7 @@ class Controller:
     def background(self) -> None:
         """Check following errors, as the card does between two servo interrupts and in no fixed time."""
         for motor in self.motors.values():
-            limit = motor.variable(11)
-            if motor.enabled and limit > 0.0 and abs(motor.following_error) * SIXTEENTHS > limit:
+            if motor.out_of_hand:
                 self._trip(motor)
 
     def system_of(self, motor: int) -> CoordinateSystem | None:

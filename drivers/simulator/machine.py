@@ -6,27 +6,21 @@ import math
 from collections.abc import Callable
 
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.dialect import PMAC
+from drivers.pmac.settings import settings_with
 from drivers.simulator.controller import Controller
 from drivers.simulator.motor import HomeSensor
-from drivers.simulator.plant.axis import Axis, IdealAxis, LinearMotor, ServoAxis, ServoGains
+from drivers.simulator.plant.axis import IdealAxis, LinearMotor
 from drivers.simulator.plant.gauge import measure_released
-from drivers.simulator.plant.workpiece import Blank, Workpiece
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from drivers.simulator.plant.workpiece import Workpiece
 from drivers.simulator.port import Port
+from drivers.simulator.servo import Axis, ServoAxis, ServoGains
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.traces import Trace
 
 DAC_BITS = 32_768
 """Full scale of the 16-bit output."""
-
-TOOL_START_MM = 1.0
-CARRIAGE_START_MM = 2.0
-SPINDLE_START_TURNS = 0.3456
-"""Where the machine was left standing: power-up tells the card nothing about it."""
-
-COAST_S = 1.5
-"""Time constant with which a spindle or carriage runs out when its amplifier is switched off."""
 
 MotorVariable = Callable[[int, int], float]
 
@@ -37,16 +31,17 @@ MID_LENGTH = 0
 class SimulatedLathe:
     """A machine profile made to move. Time is whole servo cycles; nothing here sleeps."""
 
-    def __init__(self, machine: MachineProfile) -> None:
+    def __init__(self, machine: MachineProfile, true: TrueParameters | None = None) -> None:
+        """The card is set up as the profile says; the iron is what `true` says, by default the same."""
         self._machine = machine
-        variables = PMAC.factory_variables()
-        variables.update({int(name[1:]): value for name, value in machine.controller.variables.items()})
-        self.tool = _tool_axis(machine, variables)
+        self._true = true = true or ideal(machine)
+        variables = settings_with(machine.controller.variables)
+        self.tool = _tool_axis(machine, true, variables)
         cycle_s = machine.controller.servo_period_ms / 1000.0
         spindle_turn = float(machine.spindle.counts_per_rev)
-        spindle = IdealAxis(cycle_s, COAST_S, origin=round(SPINDLE_START_TURNS * spindle_turn))
-        carriage_origin = CARRIAGE_START_MM * machine.carriage.counts_per_mm
-        carriage = IdealAxis(cycle_s, COAST_S, origin=carriage_origin)
+        spindle = IdealAxis(cycle_s, true.coast_s, origin=round(true.spindle_start_turns * spindle_turn))
+        carriage_origin = true.carriage_start_mm * machine.carriage.counts_per_mm
+        carriage = IdealAxis(cycle_s, true.coast_s, origin=carriage_origin)
         axes: dict[int, tuple[Axis, HomeSensor]] = {
             machine.tool.motor: (self.tool, HomeSensor()),
             machine.spindle.motor: (spindle, HomeSensor(period=spindle_turn)),
@@ -88,16 +83,10 @@ class SimulatedLathe:
             self._run_block()
 
     def mount(self, job: Job) -> None:
-        """Clamp a new blank for `job`: its lobe and jaw angle become those of the real part."""
-        machine = self._machine
-        blank = Blank(
-            radius_mm=job.radius_mm,
-            lobe_um_pp=job.lobe_error_um_pp,
-            jaws=job.jaws,
-            jaw_1_deg=job.lobe_phase_deg,
-        )
-        face_mm = machine.carriage.jaw_face_mm - job.overhang_mm
-        self._part = Workpiece(blank, (face_mm + 0.5 * job.cut_length_mm,), machine.tool.wiper_land_mm)
+        """Clamp a new blank for `job`."""
+        true = self._true
+        middle_mm = true.jaw_face_mm - job.overhang_mm + 0.5 * job.cut_length_mm
+        self._part = Workpiece(true.blank(job), (middle_mm,), true.wiper_land_mm)
         self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
 
     def measure(self) -> Trace:
@@ -115,13 +104,16 @@ class SimulatedLathe:
         if self._part is not None:
             self._cut(self._part, tracks)
         controller.background()
+        # Every host's stops before any host's lines.
+        for port in self._ports:
+            port.obey()
         for port in self._ports:
             port.service()
 
     def _cut(self, part: Workpiece, tracks: dict[int, list[float]]) -> None:
         machine = self._machine
         tool, spindle, carriage = machine.tool, machine.spindle, machine.carriage
-        per_mm, home_mm = 1.0 / tool.counts_per_mm, tool.home_radius_mm
+        per_mm, home_mm = 1.0 / tool.counts_per_mm, self._true.home_radius_mm
         per_turn, per_z = 1.0 / spindle.counts_per_rev, 1.0 / carriage.counts_per_mm
         part.cut(
             [home_mm - x * per_mm for x in tracks[tool.motor]],
@@ -130,19 +122,19 @@ class SimulatedLathe:
         )
 
 
-def _tool_axis(machine: MachineProfile, variables: dict[int, float]) -> ServoAxis:
+def _tool_axis(machine: MachineProfile, true: TrueParameters, variables: dict[int, float]) -> ServoAxis:
     tool = machine.tool
     volt_per_bit = tool.dac_full_scale_v / DAC_BITS
     motor = LinearMotor(
-        mass_kg=tool.moving_mass_kg,
-        damping_n_s_per_m=tool.damping_n_s_per_m,
-        force_n_per_bit=tool.loop_gain_n_per_v * volt_per_bit,
-        peak_output_bits=math.floor(tool.peak_current_a / tool.amplifier_gain_a_per_v / volt_per_bit),
+        mass_kg=true.moving_mass_kg,
+        damping_n_s_per_m=true.damping_n_s_per_m,
+        force_n_per_bit=true.force_n_per_v * volt_per_bit,
+        peak_output_bits=math.floor(true.peak_command_v / volt_per_bit),
         counts_per_m=tool.counts_per_mm * 1000.0,
     )
     gains = _gains(tool.motor, lambda number, suffix: variables.get(100 * number + suffix, 0.0))
     cycle_s = machine.controller.servo_period_ms / 1000.0
-    return ServoAxis(motor, gains, cycle_s, origin=TOOL_START_MM * tool.counts_per_mm)
+    return ServoAxis(motor, gains, cycle_s, origin=true.tool_start_mm * tool.counts_per_mm)
 
 
 def _gains(motor: int, variable: MotorVariable) -> ServoGains:

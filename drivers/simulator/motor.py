@@ -11,8 +11,9 @@ from drivers.pmac.trajectory.jog import JogSettings, change_speed, decelerate, j
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planner import SHORTEST_RAMP_MS
 from drivers.pmac.variables import VariableStore
-from drivers.simulator.plant.axis import Axis
+from drivers.simulator.plant.encoder import read_encoder
 from drivers.simulator.player import Player
+from drivers.simulator.servo import Axis
 
 SIXTEENTHS = 16.0
 """Ix11, Ix12, Ix26 and Ix28 are in sixteenths of a count."""
@@ -75,17 +76,23 @@ class Motor:
     @property
     def encoder(self) -> float:
         """Actual position as the encoder counts it."""
-        return float(math.floor(self.actual + 0.5))
+        return float(read_encoder(self.actual))
 
     @property
     def encoder_step(self) -> float:
         """Actual velocity in counts per servo cycle."""
-        return self.encoder - math.floor(self._last_actual + 0.5)
+        return self.encoder - read_encoder(self._last_actual)
 
     @property
     def following_error(self) -> float:
         """Commanded minus actual position in counts; 0 in open loop."""
         return self.desired - self.encoder if self.enabled else 0.0
+
+    @property
+    def out_of_hand(self) -> bool:
+        """Whether the following error is above Ix11."""
+        limit = self.variable(11)
+        return limit > 0.0 and abs(self.following_error) * SIXTEENTHS > limit
 
     @property
     def jogging(self) -> bool:
@@ -119,7 +126,7 @@ class Motor:
         """
         if not self.enabled:
             track = self.axis.coast(cycles)
-            self.desired, self.velocity = float(math.floor(track[-1] + 0.5)), 0.0
+            self.desired, self.velocity = float(read_encoder(track[-1])), 0.0
         else:
             commands = self._own_commands(cycles, cycle_ms) if commands is None else commands
             track = self.axis.follow(commands)

@@ -45,8 +45,8 @@ class Player:
         left = count
         while left and self._enter():
             piece = self._queue[0]
-            ready = int((piece.duration_ms - self._elapsed_ms) / cycle_ms) if self._bounded(piece) else left
-            steps = min(ready, left)
+            room = (piece.duration_ms - self._elapsed_ms) / cycle_ms
+            steps = left if room >= left else int(room)
             if steps:
                 start = self._elapsed_ms
                 times = [start + cycle_ms * k for k in range(1, steps + 1)]
@@ -85,7 +85,3 @@ class Player:
         self._entered = False
         end = piece.duration_ms
         self.position = tuple(((c3 * end + c2) * end + c1) * end + c0 for c0, c1, c2, c3 in piece.cubics)
-
-    @staticmethod
-    def _bounded(piece: Piece) -> bool:
-        return piece.duration_ms != float("inf")

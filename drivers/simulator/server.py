@@ -39,6 +39,7 @@ class _Host(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         if self._port is not None:
             self._port.receive(data)
+            self._hold_back()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._hosts.discard(self)
@@ -47,14 +48,24 @@ class _Host(asyncio.Protocol):
             self._port = None
 
     def flush(self) -> None:
-        """Send what the card has answered."""
+        """Send what the card has answered, and read on when it has room again."""
         if self._port is None or self._transport is None:
             return
+        self._hold_back()
         data = self._port.take_output()
         if data:
             self._transport.write(data)
         if self._transport.get_write_buffer_size() > UNREAD_LIMIT:
             self._transport.abort()
+
+    def _hold_back(self) -> None:
+        """Leave to the network what the card has no room for."""
+        if self._port is None or self._transport is None:
+            return
+        if not self._port.crowded:
+            self._transport.resume_reading()
+        elif self._transport.is_reading():
+            self._transport.pause_reading()
 
 
 def serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[TcpAddress], None]) -> None:
@@ -92,12 +103,16 @@ async def _serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[Tc
 
 
 async def _run_clock(lathe: SimulatedLathe, hosts: set[_Host]) -> None:
-    """Let simulated time keep up with real time."""
+    """Let simulated time keep up with real time, a tick at a time: between two, hosts and signals are heard."""
     last = time.monotonic()
     while True:
         await asyncio.sleep(TICK_S)
         now = time.monotonic()
-        lathe.wait(min(now - last, MOST_CATCH_UP_S))
+        behind_s = min(now - last, MOST_CATCH_UP_S)
         last = now
-        for host in tuple(hosts):
-            host.flush()
+        while behind_s > 0.0:
+            lathe.wait(min(behind_s, TICK_S))
+            behind_s -= TICK_S
+            for host in tuple(hosts):
+                host.flush()
+            await asyncio.sleep(0)

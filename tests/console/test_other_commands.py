@@ -106,3 +106,9 @@ def test_the_version_is_stated(console: Console) -> None:
     said = console("--version")
     assert said.code == 0
     assert said.out.startswith("trilobe 0.")
+    stated = console("--version", "--json").json
+    assert stated == {"name": "trilobe", "version": said.out.split()[1]}
+
+
+def test_json_may_stand_before_the_command(console: Console) -> None:
+    assert console("--json", "jobs").json == console("jobs", "--json").json

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+import profiles.store
+
 Console = Callable[..., Any]
 JobFile = Callable[..., Path]
 
@@ -54,6 +56,32 @@ def test_every_mistake_of_a_file_is_told_at_once(console: Console, job_file: Job
     assert len(said.err.splitlines()) == 3
 
 
+@pytest.mark.parametrize(("language", "said"), [("en", "keys are missing"), ("ko", "빠진 키")])
+def test_an_empty_job_file_is_one_line(console: Console, tmp_path: Path, language: str, said: str) -> None:
+    path = tmp_path / "empty.toml"
+    path.touch()
+    refused(console("run", str(path), "--sim", "--lang", language), "empty.toml", "chucking_force_n", "jaws", said)
+
+
+def test_a_machine_without_a_setting_says_so_without_a_hole(console: Console, tmp_path: Path) -> None:
+    text = (profiles.store.BUNDLED_MACHINES / "lee-2001-lathe.toml").read_text(encoding="utf-8")
+    path = tmp_path / "bare.toml"
+    path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("I311 ")))
+    said = console("preview", "lee-2001-experiment-1", "--machine", str(path))
+    refused(said, "bare.toml", "I311", "allowed any number")
+
+
+def test_a_wrong_address_is_told_in_its_own_words(console: Console) -> None:
+    refused(console("simulator", "--tcp", "nonsense"), "nonsense", "HOST:PORT", code=2)
+
+
+def test_fixed_words_are_korean_too(console: Console, tmp_path: Path) -> None:
+    refused(console("preview", f"{tmp_path}/", "--lang", "ko"), "보통 파일이 아님")
+    assert "usage:" not in console("jobs", "--help", "--lang", "ko").out
+    assert "사용법: console jobs" in console("jobs", "--help", "--lang", "ko").out
+    assert "usage: console jobs" in console("jobs", "--help").out
+
+
 def test_random_bytes_are_no_job(console: Console, tmp_path: Path) -> None:
     path = tmp_path / "noise.toml"
     path.write_bytes(random.Random(7).randbytes(4000))
@@ -70,7 +98,6 @@ def test_random_bytes_are_no_job(console: Console, tmp_path: Path) -> None:
         (("preview", "no-such-job"), "no-such-job"),
         (("program", "no-such-job"), "no-such-job"),
         (("roundness", "nowhere.csv"), "nowhere.csv"),
-        (("simulator", "--tcp", "nonsense"), "HOST:PORT"),
     ],
 )
 def test_what_is_not_there_is_refused(console: Console, words: tuple[str, ...], met: str) -> None:
@@ -90,6 +117,8 @@ def test_what_is_not_there_is_refused(console: Console, words: tuple[str, ...], 
         ("run", "lee-2001-experiment-1", "--sim", "--frob"),
         ("roundness", "x.csv", "--filter", "zero"),
         ("simulator",),
+        ("simulator", "--tcp", "nonsense"),
+        ("simulator", "--tcp", "localhost:99999"),
     ],
 )
 def test_wrong_usage_is_one_line_and_exit_2(console: Console, words: tuple[str, ...]) -> None:

@@ -11,8 +11,9 @@ from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.axis import Axis
+from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.port import Port
+from drivers.simulator.servo import Axis
 from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -118,10 +119,11 @@ class Bench:
 
 
 BenchMaker = Callable[[], Bench]
+TrueBenchMaker = Callable[[TrueParameters], Bench]
 
 
-def build(machine: MachineProfile) -> Bench:
-    sim = SimulatedLathe(machine)
+def build(machine: MachineProfile, true: TrueParameters | None = None) -> Bench:
+    sim = SimulatedLathe(machine, true)
     port = sim.connect()
     link = MemoryLink(port, sim)
     client = PmacClient(link, sim)
@@ -130,8 +132,8 @@ def build(machine: MachineProfile) -> Bench:
     return Bench(sim=sim, port=port, client=client, lathe=lathe, stop=stop)
 
 
-def connected(machine: MachineProfile, setup: Iterable[str] = ()) -> Bench:
-    bench = build(machine)
+def connected(machine: MachineProfile, setup: Iterable[str] = (), true: TrueParameters | None = None) -> Bench:
+    bench = build(machine, true)
     bench.lathe.connect()
     for line in setup:
         bench.client.request(line)
@@ -156,6 +158,12 @@ def make_bench(machine: MachineProfile) -> BenchMaker:
 
 
 @pytest.fixture
+def bench_with(machine: MachineProfile) -> TrueBenchMaker:
+    """Connected benches whose iron is not what the profile says."""
+    return lambda true: connected(machine, true=true)
+
+
+@pytest.fixture
 def bench(machine: MachineProfile) -> Bench:
     """Connected, drives killed, as after power-up."""
     return connected(machine)
@@ -163,7 +171,8 @@ def bench(machine: MachineProfile) -> Bench:
 
 @pytest.fixture
 def closed(machine: MachineProfile) -> Bench:
-    """Connected, all three loops closed where the axes stand."""
+    """Connected and verified, all three loops closed where the axes stand."""
     made = connected(machine)
+    assert made.lathe.verify() == ()
     made.lathe.enable()
     return made

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut, settings_of
+from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.errors import DriverError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
+from drivers.pmac.settings import settings_with
 from profiles.compensation import wanted_path
 from profiles.problem import ProblemError
 from profiles.rules import Severity
@@ -37,7 +38,7 @@ def codes(plan: CutPlan, severity: Severity) -> set[str]:
 def checked(plan: CutPlan, machine: MachineProfile) -> CheckedProgram:
     start = {1: plan.tool_start, 2: plan.spindle_start, 3: plan.carriage_start}
     definitions = read_definitions(machine.controller.axis_definitions)
-    return run_through(plan.program, settings_of(machine), definitions, start)
+    return run_through(plan.program, settings_with(machine.controller.variables), definitions, start)
 
 
 def sampled(moves: list[CheckedMove], motor: int, count: int = 25) -> np.ndarray:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.errors import ControllerError, DriverError, LinkError
-from drivers.lathe import AxisName, Lathe, Snapshot
+from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
+from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import StopPath, StoppedError
 
 if TYPE_CHECKING:
@@ -247,7 +248,9 @@ def test_after_a_stop_nothing_that_moves_is_sent(closed: Bench, act: Callable[[L
 def test_waiting_for_rest_repeats_the_stop_until_it_is_proven(closed: Bench) -> None:
     closed.client.request("#2J+")
     closed.sim.wait(1.0)
+    closed.lathe.snapshot()
     snapshot = closed.lathe.wait_for_rest()
+    assert snapshot.loops_closed
     assert snapshot.at_rest
     assert stands_still(closed)
 
@@ -255,8 +258,9 @@ def test_waiting_for_rest_repeats_the_stop_until_it_is_proven(closed: Bench) -> 
 def test_a_machine_that_does_not_come_to_rest_is_told(closed: Bench) -> None:
     closed.client.request("I315=0 #3J+")
     closed.sim.wait(1.0)
+    closed.lathe.snapshot()
     with pytest.raises(DriverError) as moving:
-        closed.lathe.wait_for_rest(timeout_s=2.0)
+        closed.lathe.wait_for_rest()
     assert moving.value.problems[0].code == "machine.not_at_rest"
 
 

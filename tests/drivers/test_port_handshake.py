@@ -81,6 +81,16 @@ def test_commands_need_no_separators(bench: Bench, line: str, values: int) -> No
     assert reply.count(b"\r") == values
 
 
+@pytest.mark.parametrize("line", ["#1->#2->", "#1-> #2->", "#1->,#2->", "#1->&2#2->"])
+def test_definitions_are_asked_for_one_after_the_other(bench: Bench, line: str) -> None:
+    bench.client.request("#2->7Y+5")
+    assert bench.raw(line + "\r") == b"X\r7Y+5\r\x06"
+
+
+def test_a_definition_is_asked_for_in_front_of_one_that_is_made(bench: Bench) -> None:
+    assert bench.raw("#1->#2->7Y\r#2->\r") == b"X\r\x067Y\r\x06"
+
+
 def test_the_poll_without_separators_is_taken_apart_in_order(bench: Bench) -> None:
     bench.client.request("M190=3 P99=0 I65=12")
     lines = bench.raw("i65???&1??#1?PVFm190p99\r").removesuffix(b"\r\x06").split(b"\r")

@@ -57,7 +57,7 @@ def test_no_bytes_in_any_segmentation_bring_the_card_down(
     for part in segments(b"".join(pieces), sizes):
         port.receive(part)
         sim.wait(0.03)
-    sim.wait(0.1)
+    sim.wait(1.0)
     other.receive(b"\x18\rI3=2 I6=1\r")
     sim.wait(0.006)
     assert other.take_output().endswith(b"\x06")
@@ -77,6 +77,6 @@ def test_the_segmentation_of_a_line_does_not_change_its_answer(
         port = sim.connect()
         for part in parts:
             port.receive(part)
-        sim.wait(0.011)
+        sim.wait(0.05)
         answers.append(port.take_output())
     assert answers[0] == answers[1]

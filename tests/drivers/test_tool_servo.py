@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from drivers.simulator.plant.axis import IdealAxis, LinearMotor, ServoAxis, ServoGains
+from drivers.simulator.plant.axis import IdealAxis, LinearMotor
+from drivers.simulator.servo import ServoAxis, ServoGains
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 MASS, DAMPING, FORCE_N_PER_V = 4.74, 201.6, 11.45 * 54.5

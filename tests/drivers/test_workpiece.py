@@ -152,6 +152,41 @@ def test_a_tool_that_leaves_a_section_and_comes_back_does_not_cut_it_in_between(
     assert np.abs(deviation(workpiece)[1]).max() < 1e-6
 
 
+@pytest.mark.parametrize("feed", [0.4, 0.3999, 0.05])
+@pytest.mark.parametrize("rpm", [1000, 2000, 2857])
+def test_a_feed_of_up_to_the_land_leaves_no_place_uncut(feed: float, rpm: float) -> None:
+    """The land is 0.4 mm: at that feed each place meets it in one turn only, in parts of servo intervals too."""
+    workpiece = part(lobe=55)
+    _, turns = turning(1.2 * 60 / rpm * (1 + 0.4 / feed), rpm, start_turns=0.377)
+    middle = turns.mean()
+    path = -27.5 * np.cos(2 * np.pi * 3 * turns)
+    pass_over(workpiece, path, turns, 100.0 + feed * (turns - middle))
+    assert np.ptp(deviation(workpiece)[1]) < 0.01
+
+
+def test_only_the_part_of_an_interval_inside_the_land_cuts() -> None:
+    """One turn takes 100 samples, fed 4 mm: the land of 0.4 mm covers a tenth of it, 36 deg."""
+    workpiece = part()
+    turns = np.arange(-50, 51) * 0.01 + 0.505
+    pass_over(workpiece, np.zeros_like(turns), turns, 100.0 + 4.0 * (turns - 0.5))
+    angle, found = deviation(workpiece)
+    cut = np.abs(found) < 1e-6
+    assert np.abs(found[~cut] - 100).max() < 1e-9
+    assert (angle[cut].min(), angle[cut].max()) == (pytest.approx(162.0), pytest.approx(198.0))
+    assert cut.sum() == 361
+
+
+def test_a_land_that_goes_over_a_section_within_one_interval_cuts_it_there() -> None:
+    workpiece = part()
+    turns = np.arange(20) * 0.01
+    z_mm = 99.0 + 2.0 * np.maximum(np.arange(20) - 9, 0).clip(max=1)
+    pass_over(workpiece, np.zeros_like(turns), turns, z_mm)
+    angle, found = deviation(workpiece)
+    # Between samples 9 and 10, 32.4 to 36 deg: the land is over it from 0.4 to 0.6 of the way, 33.84 to 34.56.
+    cut = angle[np.abs(found) < 1e-6]
+    assert (cut.min(), cut.max()) == (pytest.approx(33.9), pytest.approx(34.5))
+
+
 def test_a_spindle_that_stands_or_turns_back_is_not_cut() -> None:
     workpiece = part()
     _, turns = turning(0.5, 1000)

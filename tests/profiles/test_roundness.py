@@ -129,10 +129,45 @@ def test_refusals() -> None:
     assert refusal([0, 90, 180], [0, 0, 0]) == "trace.few_points"
     assert refusal([0, 90, 180, 270], [0, 0, 0]) == "trace.columns"
     assert refusal([0, 90, 180, 270], [0, 0, 0, math.nan]) == "trace.not_finite"
+    assert refusal([0, 90, 180, 270], [0, 0, 0, 0]) == "trace.narrow_angles"
     assert refusal([0, 0.1, 0.2, 0.3, 0.4], [0, 1, 0, 1, 0]) == "trace.narrow_angles"
     assert refusal([10] * 5, [0, 1, 0, 1, 0]) == "trace.narrow_angles"
     for cutoff in (0, -1, math.nan, math.inf):
         assert refusal(ANGLE, LOBES, filter_upr=cutoff) == "value.out_of_range"
+
+
+@pytest.mark.parametrize("filter_upr", [None, 50.0])
+def test_half_a_turn_is_no_part(filter_upr: float | None) -> None:
+    with pytest.raises(ProfileError) as caught:
+        evaluate(np.arange(180), LOBES[:1800:10], filter_upr)
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.value, problem.limit) == ("trace.narrow_angles", "181 deg", "<= 60 deg")
+
+
+def test_a_gap_of_60_deg_is_the_largest() -> None:
+    measured = np.concatenate(([0.0], np.arange(60, 360)))
+    assert evaluate(measured, 12 * np.cos(np.radians(measured)), None).eccentricity_um == pytest.approx(12)
+    assert refusal(np.concatenate(([0.0], np.arange(60.5, 360))), np.zeros(301)) == "trace.narrow_angles"
+
+
+def test_a_crowd_of_points_at_one_place_is_still_a_part() -> None:
+    angle = np.concatenate((np.linspace(0, 1, 100_000), np.arange(60, 360, 60)))
+    result = evaluate(angle, 5 + 12 * np.cos(np.radians(angle)), None)
+    assert (result.centre_x_um, result.mean_deviation_um) == pytest.approx((12, 5), abs=1e-6)
+
+
+def test_problems_of_a_trace_say_what_was_met() -> None:
+    for angle, deviation in (
+        ([0.0, 60, 120, 180, 240, 301], [0.0] * 6),
+        ([0.0, 60, 120, 180], [0.0, math.nan, 0, 0]),
+    ):
+        with pytest.raises(ProfileError) as caught:
+            evaluate(angle, deviation, 50)
+        assert all(problem.key and problem.value for problem in caught.value.problems)
+
+
+def test_a_perfect_circle_has_no_negative_zero() -> None:
+    assert math.copysign(1, evaluate(ANGLE, np.zeros(3600), None).ronv_um) == 1
 
 
 DEVIATIONS = st.lists(st.floats(-100, 100), min_size=16, max_size=64)

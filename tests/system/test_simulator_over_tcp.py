@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import pytest
 
 from drivers.clock import RealClock
-from drivers.lathe import AxisName, Lathe
+from drivers.lathe import Lathe
 from drivers.link.address import TcpAddress
 from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
+from drivers.snapshot import AxisName
 from drivers.stop import StopPath, StoppedError
 from profiles.store import load_machine
 

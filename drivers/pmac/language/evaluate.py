@@ -57,6 +57,8 @@ def compile_expression(expression: Expression, degrees: bool = True, *, strict: 
     outside its domain; only an overflow still raises.
     """
     value_of = _Compiler(degrees, strict).expression(expression)
+    if isinstance(expression, Number | Variable) and _is_plain(expression):
+        return value_of  # there is nothing to calculate, and what is stored is finite
 
     def calculate(variables: Variables) -> float:
         try:
@@ -68,6 +70,10 @@ def compile_expression(expression: Expression, degrees: bool = True, *, strict: 
         return value
 
     return calculate
+
+
+def _is_plain(expression: Number | Variable) -> bool:
+    return isinstance(expression, Number) or isinstance(expression.index, Number)
 
 
 def compile_condition(condition: Condition, degrees: bool = True, *, strict: bool = True) -> Truth:

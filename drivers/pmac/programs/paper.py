@@ -22,24 +22,26 @@ RETRACT_MS = 200
 RETRACT_COUNTS = 10_000
 FLAG = "M26"
 
+SETTLING_LOBES = 16
+"""Lobes from rest after which a move follows one of its own kind: Ix17 looks at the velocity before."""
+
 
 def segment_ms(job: Job, machine: MachineProfile, ts_ms: int) -> float:
-    """Return the time that one of the two moves of a lobe really takes, ms."""
-    asked_ms = 1000.0 / (2.0 * job.lobe_frequency_hz)
+    """Return the time that one of the two moves of a lobe really takes in the steady cut, ms."""
     motors = (machine.spindle.motor, machine.tool.motor)
     variables = machine.controller.variables
-    move = LinearMove(
-        distance=(_counts_per_segment(job, machine), _stroke(job, machine)),
-        ta_ms=TA_MS,
-        ts_ms=ts_ms,
-        tm_ms=asked_ms,
-    )
     limits = Limits(
         velocity=tuple(variables[f"I{motor}16"] for motor in motors),
         acceleration=tuple(variables[f"I{motor}17"] for motor in motors),
     )
-    steady = (move.distance[0] / max(asked_ms, TA_MS, 2 * ts_ms), -move.distance[1] / max(asked_ms, TA_MS))
-    return effective_timing(move, steady, limits).tm_ms
+    turn, stroke = _counts_per_segment(job, machine), _stroke(job, machine)
+    asked_ms = 1000.0 / (2.0 * job.lobe_frequency_hz)
+    used_ms, before = asked_ms, (0.0, 0.0)
+    for distance in ((turn, stroke), (turn, -stroke)) * SETTLING_LOBES:
+        move = LinearMove(distance=distance, ta_ms=TA_MS, ts_ms=ts_ms, tm_ms=asked_ms)
+        used_ms = effective_timing(move, before, limits).tm_ms
+        before = (distance[0] / used_ms, distance[1] / used_ms)
+    return used_ms
 
 
 def spindle_start_counts(job: Job, machine: MachineProfile) -> float:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import CutSetup
+from drivers.pmac.programs.setup import CutSetup, refuse_endless
 from profiles.compensation import Sinusoid
 from profiles.job import Job
-from profiles.problem import Problem, ProblemError
 
 PROGRAM_NUMBER = 2
 FLAG = "M26"
@@ -38,59 +40,84 @@ class PvtTiming:
     cut_segments: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointScales:
+    """How a sinusoid is best put into cubics that meet in their ends with their velocities.
+
+    Positions and velocities at the points are scaled so that the cubics between them are nearest to the
+    sinusoid in the mean square; `error` is the largest distance that is left, for an amplitude of 1. Without
+    the scales the cubics run inside the sinusoid, by (w h)^4 / 384 at most.
+    """
+
+    position: float
+    velocity: float
+    error: float
+
+
+@lru_cache(maxsize=64)
+def point_scales(step_rad: float) -> PointScales:
+    """Return the scales for points that are `step_rad` of the sinusoid apart."""
+    phase = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)[:, None]
+    u = np.linspace(0.0, 1.0, 33)[None, :]
+    from_start = 2.0 * u**3 - 3.0 * u**2 + 1.0
+    positions = from_start * np.cos(phase) + (1.0 - from_start) * np.cos(phase + step_rad)
+    slopes = (u**3 - 2.0 * u**2 + u) * np.sin(phase) + (u**3 - u**2) * np.sin(phase + step_rad)
+    basis = np.stack([positions.ravel(), (-step_rad * slopes).ravel()], axis=1)
+    wanted = np.cos(phase + step_rad * u).ravel()
+    scales = np.linalg.lstsq(basis, wanted, rcond=None)[0]
+    error = float(np.abs(basis @ scales - wanted).max())
+    return PointScales(position=float(scales[0]), velocity=float(scales[1]), error=error)
+
+
 def interpolation_error_um(amplitude_um: float, frequency_hz: float, segment_ms: float) -> float:
-    """Return the largest distance of cubic Hermite segments from a sine: A (w h)^4 / 384."""
-    phase = 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
-    return amplitude_um * phase**4 / 384.0
+    """Return the largest distance of the cubics from the sinusoid."""
+    return amplitude_um * point_scales(_step_rad(frequency_hz, segment_ms)).error
+
+
+def _step_rad(frequency_hz: float, segment_ms: float) -> float:
+    return 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
+
+
+def fits_whole_milliseconds(command: Sinusoid, frequency_hz: float) -> bool:
+    """Whether segments of 1 ms, the shortest there are, stay below the limit of interpolation."""
+    return interpolation_error_um(command.amplitude_um, frequency_hz, 1.0) < INTERPOLATION_LIMIT_UM
 
 
 def longest_segment_ms(command: Sinusoid, frequency_hz: float) -> int:
-    """Return the longest segment that stays below the limit of interpolation.
-
-    Raises:
-        ProblemError: `program.too_fast`, one millisecond is too long for this speed and amplitude.
-    """
-    for segment_ms in range(LONGEST_SEGMENT_MS, 0, -1):
-        error_um = interpolation_error_um(command.amplitude_um, frequency_hz, segment_ms)
-        if error_um < 0.5 * INTERPOLATION_LIMIT_UM:
+    """Return the longest segment that stays well below the limit of interpolation, at least 1 ms."""
+    for segment_ms in range(LONGEST_SEGMENT_MS, 1, -1):
+        if interpolation_error_um(command.amplitude_um, frequency_hz, segment_ms) < 0.5 * INTERPOLATION_LIMIT_UM:
             return segment_ms
-    error_um = interpolation_error_um(command.amplitude_um, frequency_hz, 1.0)
-    if error_um < INTERPOLATION_LIMIT_UM:
-        return 1
-    raise ProblemError(
-        Problem(
-            code="program.too_fast",
-            key="spindle_speed_rpm",
-            value=f"{error_um:.3f} um",
-            limit=f"< {INTERPOLATION_LIMIT_UM:g} um",
-        )
-    )
+    return 1
 
 
 def pvt_timing(job: Job, setup: CutSetup, command: Sinusoid) -> PvtTiming:
     """Return the times for a job.
 
     Raises:
-        ProblemError: `program.too_fast`.
+        ProblemError: `program.too_long`.
     """
     segment_ms = longest_segment_ms(command, job.lobe_frequency_hz)
     way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
     turn_ms = 60_000.0 / job.spindle_speed_rpm
+    cut_segments = math.ceil(setup.turns * turn_ms / segment_ms)
+    refuse_endless(cut_segments)
     return PvtTiming(
         segment_ms=segment_ms,
         approach_ms=math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0),
         ramp_segments=math.ceil(SETTLE_MS / segment_ms),
-        cut_segments=math.ceil(setup.turns * turn_ms / segment_ms),
+        cut_segments=cut_segments,
     )
 
 
 def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
     """Return the text of the program that makes the tool follow `command` (um from the surface, infeed).
 
+    The command must fit whole milliseconds.
     It starts with the tool retracted and the carriage clear of the part, and ends the same way.
 
     Raises:
-        ProblemError: `program.too_fast`.
+        ProblemError: `program.too_long`.
     """
     timing = pvt_timing(job, setup, command)
     turns_per_ms = job.spindle_speed_rpm / 60_000.0
@@ -98,6 +125,7 @@ def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
     before_ms = HALF_RUN_UP_MS + timing.approach_ms
     start_turns = (setup.spindle_start + spindle * before_ms) / setup.counts_per_turn
     amplitude = command.amplitude_um / setup.tool_count_um
+    scales = point_scales(_step_rad(job.lobe_frequency_hz, timing.segment_ms))
     lobe_deg = 360.0 * command.lobes
     number = format_number
     values = {
@@ -106,10 +134,10 @@ def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
         "hz": number(job.lobe_frequency_hz),
         "error": f"{interpolation_error_um(command.amplitude_um, job.lobe_frequency_hz, timing.segment_ms):.4f}",
         "mean": number(setup.surface + command.mean_um / setup.tool_count_um),
-        "amplitude": number(amplitude),
+        "amplitude": number(amplitude * scales.position),
         "step_deg": number(lobe_deg * turns_per_ms * timing.segment_ms),
         "start_deg": number(math.fmod(lobe_deg * start_turns - command.lobes * command.crest_deg, 360.0)),
-        "slope": number(amplitude * 2.0 * math.pi * job.lobe_frequency_hz),
+        "slope": number(amplitude * scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
         "spindle_step": number(spindle * timing.segment_ms),
         "spindle_speed": number(1000.0 * spindle),
         "feed_step": number(setup.carriage_per_turn * turns_per_ms * timing.segment_ms),
@@ -133,10 +161,10 @@ _TEXT = """\
 ; {job}: the lobe at {hz} Hz as PVT segments of {segment} ms. x tool, y spindle, z carriage; all in counts.
 ; Between the points the cubics are within {error} um of the sinusoid.
 P11={mean} ; tool at the mean depth
-P12={amplitude} ; amplitude of the command: the wanted one over the gain of the servo
+P12={amplitude} ; amplitude at the points: the wanted one over the gain of the servo
 P13={step_deg} ; lobe angle of one segment, deg
 P14={start_deg} ; lobe angle at the start, ahead by the lag of the servo, deg
-P15={slope} ; greatest tool speed, counts/s
+P15={slope} ; greatest tool speed at the points, counts/s
 P16={spindle_step} ; spindle counts in one segment
 P17={spindle_speed} ; spindle speed, counts/s: {rpm} rpm
 P18={feed_step} ; carriage counts in one segment

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProblemError
 
 APPROACH_MM = 0.5
 """Free run in front of the part, in which the tool settles into its path before it meets the part."""
+
+MOST_MOVES = 100_000
+"""Moves of a cut that are planned and checked; more would be hours at the lathe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,3 +57,15 @@ def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0) -> 
         counts_per_turn=machine.spindle.counts_per_rev,
         tool_count_um=tool.count_um,
     )
+
+
+def refuse_endless(moves: float) -> None:
+    """Refuse a cut of more moves than anybody would wait for.
+
+    Raises:
+        ProblemError: `program.too_long`.
+    """
+    if moves > MOST_MOVES:
+        raise ProblemError(
+            Problem(code="program.too_long", key="cut_length_mm", value=f"{moves:.3g}", limit=f"<= {MOST_MOVES}")
+        )

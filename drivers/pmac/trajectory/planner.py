@@ -19,6 +19,7 @@ from drivers.pmac.execution import (
     PvtRequest,
 )
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.trajectory.linear import (
     Blend,
     Limits,
@@ -125,7 +126,7 @@ class MotionPlanner:
 
     def _pvt(self, request: PvtRequest) -> Planned:
         target = self._counts(request.targets)
-        after = tuple(d.scale * request.velocities.get(d.axis, 0.0) for d in self._definitions)
+        after = tuple([d.scale * request.velocities.get(d.axis, 0.0) for d in self._definitions])
         _check_range("velocity", after)
         stopping = self._stop() if self._pvt_velocity is None else ()
         before = self._pvt_velocity or tuple(0.0 for _ in self._definitions)
@@ -161,7 +162,7 @@ class MotionPlanner:
         self._pvt_velocity = None
 
     def _counts(self, targets: Mapping[str, float]) -> Vector:
-        counts = tuple(d.counts(targets[d.axis]) for d in self._definitions)
+        counts = tuple([d.counts(targets[d.axis]) for d in self._definitions])
         _check_range("position", counts)
         return counts
 
@@ -176,7 +177,7 @@ class MotionPlanner:
         )
 
     def _interrupt_ms(self) -> float:
-        return (self._variables.i(8) + 1.0) * self._variables.i(10) / 8_388_608.0
+        return (self._variables.i(8) + 1.0) * servo_cycle_ms(self._variables.i(10))
 
 
 def _check_range(what: str, values: Vector) -> None:

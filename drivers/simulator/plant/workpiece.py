@@ -24,10 +24,13 @@ REACH = 2
 OVERLAP = 2 * REACH + 1
 """Servo samples kept from one chunk to the next, so that every interval is met once with all that it needs."""
 
+EDGE_MM = 1e-6
+"""Rounding of Z: a feed of just the land per turn must leave no place between two turns."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blank:
-    """A clamped blank that was turned round before: true values, not those of a profile.
+    """A clamped blank that was turned round before, as it really is (see `TrueParameters.blank`).
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws; `jaw_1_deg` the spindle angle of jaw 1.
     """
@@ -78,27 +81,30 @@ class Workpiece:
         samples = np.concatenate([self._tail, np.stack(fresh)], axis=1)
         self._pending, self._count = [], 0
         self._tail = samples[:, -OVERLAP:]
-        for index, section_mm in enumerate(self._sections_mm):
-            inside = np.abs(samples[2] - section_mm) <= 0.5 * self._land_mm
-            if inside.any() and samples.shape[1] > OVERLAP:
-                self._pass(index, samples[0], samples[1], inside[:-1] & inside[1:])
+        if samples.shape[1] > OVERLAP:
+            for surface_mm, section_mm in zip(self._radius_mm, self._sections_mm, strict=True):
+                self._pass(surface_mm, samples, section_mm)
 
-    def _pass(self, section: int, radius_mm: Floats, turns: Floats, inside: NDArray[np.bool_]) -> None:
-        """Lower the surface to the tool wherever the tool went, between the samples too."""
-        if radius_mm.min() >= self._radius_mm[section].max():
+    def _pass(self, surface_mm: Floats, samples: Floats, section_mm: float) -> None:
+        """Lower a section to the tool wherever its land went over it, between the samples too."""
+        radius_mm, turns, z_mm = samples
+        away_mm, reach_mm = z_mm - section_mm, 0.5 * self._land_mm + EDGE_MM
+        near = (np.minimum(away_mm[:-1], away_mm[1:]) <= reach_mm) & (
+            np.maximum(away_mm[:-1], away_mm[1:]) >= -reach_mm
+        )
+        if not near.any() or radius_mm.min() >= surface_mm.max():
             return
-        grid, radius = _between_samples(radius_mm, turns * ANGLES, inside)
-        np.minimum.at(self._radius_mm[section], np.mod(grid, ANGLES), radius)
+        index, grid, u = _whole_places(turns * ANGLES, near)
+        # Of an interval in which the land comes or goes, only the part inside it cuts.
+        inside = np.abs(away_mm[index] + u * (away_mm[index + 1] - away_mm[index])) <= reach_mm
+        radius = _cubic(radius_mm, index[inside], u[inside])
+        np.minimum.at(surface_mm, np.mod(grid[inside], ANGLES), radius)
 
 
-def _between_samples(
-    values: Floats, places: Floats, wanted: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], Floats]:
-    """Interpolate at every whole place in the wanted intervals, by a cubic with slopes from five samples.
-
-    A sampled 150 Hz motion would lose half a micrometre to straight lines, and some hundredths to slopes from
-    three samples; the tool itself moves smoothly.
-    """
+def _whole_places(
+    places: Floats, wanted: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Return every whole place in the wanted intervals: its interval, itself and how far in (0 to 1)."""
     steps = np.diff(places)
     inner = np.arange(REACH, len(steps) - REACH)
     start = inner[(steps[inner] > 0.0) & wanted[inner]]
@@ -107,9 +113,18 @@ def _between_samples(
     index = np.repeat(start, counts)
     offsets = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     grid = np.repeat(first, counts) + offsets
-    u = (grid - places[index]) / steps[index]
+    return index, grid, (grid - places[index]) / steps[index]
+
+
+def _cubic(values: Floats, index: NDArray[np.int64], u: Floats) -> Floats:
+    """Interpolate in the intervals `index` by a cubic with slopes from five samples.
+
+    A sampled 150 Hz motion would lose half a micrometre to straight lines, and some hundredths to slopes from
+    three samples; the tool itself moves smoothly.
+    """
     slopes = np.zeros_like(values)
     slopes[2:-2] = (8.0 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / 12.0
     p0, p1, m0, m1 = values[index], values[index + 1], slopes[index], slopes[index + 1]
     cubic = (2 * (p0 - p1) + m0 + m1) * u + (3 * (p1 - p0) - 2 * m0 - m1)
-    return grid, (cubic * u + m0) * u + p0
+    interpolated: Floats = (cubic * u + m0) * u + p0
+    return interpolated

@@ -1,0 +1,152 @@
+"""The controller's side of an axis: what a motor needs of it, and the PID loop that closes it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.simulator.plant.axis import LinearMotor
+from drivers.simulator.plant.encoder import read_encoder
+
+
+class Axis(Protocol):
+    """What a motor of the simulated controller drives.
+
+    Positions are motor counts; `origin` is the machine position of motor zero, so that homing can move the zero
+    without moving the iron.
+    """
+
+    origin: float
+
+    @property
+    def output_fraction(self) -> float:
+        """Controller output at the last servo cycle, as a share of its limit, -1 to 1."""
+
+    def close_loop(self) -> float:
+        """Begin to hold the present position; return it as the commanded one, in motor counts."""
+
+    def follow(self, commands: Sequence[float]) -> list[float]:
+        """Run one servo cycle a command (counts); return the true position at each cycle."""
+
+    def coast(self, cycles: int) -> list[float]:
+        """Run `cycles` with the amplifier off; return the true position at each cycle."""
+
+    def rebase(self, counts: float) -> None:
+        """Make the present `counts` the new zero of the motor; the iron does not move."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServoGains:
+    """The PID of the controller (Ix30 to Ix35, Ix08, Ix09) with its output limit Ix69.
+
+    Output in DAC bits = 2^-19 Ix30 (Ix08 (FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23) - Ix31 Ix09 AV/128),
+    counts and counts per cycle (PMAC User Manual, PID; Software Reference, Ix30 to Ix35).
+    """
+
+    ix08: float
+    ix09: float
+    ix30: float
+    ix31: float
+    ix32: float
+    ix33: float
+    ix34: float
+    ix35: float
+    ix69: float
+
+
+class ServoAxis:
+    """The loop of one motor: encoder, PID, output limit and one cycle of output delay, round a linear motor.
+
+    It is stepped a block of servo cycles at a time, and carries the state of the iron with its own: position and
+    speed are the only two numbers that pass between them in each cycle.
+    """
+
+    def __init__(self, motor: LinearMotor, gains: ServoGains, cycle_s: float, origin: float = 0.0) -> None:
+        self.origin = origin
+        self._peak_bits = motor.peak_output_bits
+        self._plant = motor.held(cycle_s)
+        self._x = 0.0  # counts
+        self._v = 0.0  # counts/s
+        self._force = 0.0  # output of the previous cycle, DAC bits
+        self._command = 0.0
+        self._command_step = 0.0
+        self._encoder = 0.0
+        self._integral = 0.0
+        self.set_gains(gains)
+
+    @property
+    def output_fraction(self) -> float:
+        """Last output over its limit."""
+        return self._force / self._limit
+
+    def set_gains(self, gains: ServoGains) -> None:
+        """Use other gains from the next cycle on."""
+        scale = gains.ix30 / 2**19
+        self._k_error = scale * gains.ix08
+        self._k_velocity = self._k_error * gains.ix32 / 128
+        self._k_acceleration = self._k_error * gains.ix35 / 128
+        self._k_integral = self._k_error * gains.ix33 / 2**23
+        self._k_damping = scale * gains.ix31 * gains.ix09 / 128
+        self._integrate_in_motion = gains.ix34 == 0
+        self._limit = min(gains.ix69, self._peak_bits)
+
+    def close_loop(self) -> float:
+        """Hold the present encoder position."""
+        self._encoder = self._command = read_encoder(self._x)
+        self._command_step = self._integral = self._force = 0.0
+        return self._command
+
+    def rebase(self, counts: float) -> None:
+        """Shift the motor's zero by `counts`."""
+        self.origin += counts
+        self._x -= counts
+        self._command -= counts
+        self._encoder -= counts
+
+    def follow(self, commands: Sequence[float]) -> list[float]:
+        """Close the loop over the block. The local names are for speed: this is the innermost loop of all."""
+        x, v, force = self._x, self._v, self._force
+        last, last_step, last_encoder = self._command, self._command_step, self._encoder
+        integral, limit, read = self._integral, self._limit, read_encoder
+        k_error, k_velocity, k_acceleration = self._k_error, self._k_velocity, self._k_acceleration
+        k_integral, k_damping, in_motion = self._k_integral, self._k_damping, self._integrate_in_motion
+        plant = self._plant
+        decay, glide, push_x, push_v = plant.decay, plant.glide, plant.push_x, plant.push_v
+        positions: list[float] = []
+        for command in commands:
+            positions.append(x)
+            encoder = read(x)
+            error = command - encoder
+            step = command - last
+            output = (
+                k_error * error
+                + k_velocity * step
+                + k_acceleration * (step - last_step)
+                + k_integral * integral
+                - k_damping * (encoder - last_encoder)
+            )
+            last, last_step, last_encoder = command, step, encoder
+            if output > limit:
+                output = limit
+            elif output < -limit:
+                output = -limit
+            elif in_motion or step == 0.0:
+                integral += error
+            # The output calculated in this cycle reaches the amplifier one cycle later.
+            x, v = x + glide * v + push_x * force, decay * v + push_v * force
+            force = output
+        self._x, self._v, self._force = x, v, force
+        self._command, self._command_step, self._encoder = last, last_step, last_encoder
+        self._integral = integral
+        return positions
+
+    def coast(self, cycles: int) -> list[float]:
+        """Let the slide run out against its damping."""
+        positions = []
+        x, v, glide, decay = self._x, self._v, self._plant.glide, self._plant.decay
+        for _ in range(cycles):
+            positions.append(x)
+            x, v = x + glide * v, decay * v
+        self._x, self._v, self._force = x, v, 0.0
+        return positions

@@ -1,0 +1,47 @@
+"""The list of the jobs stays a table, whatever the files in the folder are called."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import profiles.store
+
+Console = Callable[..., Any]
+
+
+@pytest.fixture
+def own_jobs(data_folder: Path) -> Path:
+    folder = data_folder / "trilobe" / "jobs"
+    folder.mkdir(parents=True)
+    return folder
+
+
+def bundled() -> bytes:
+    return (profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_bytes()
+
+
+@pytest.mark.parametrize("content", [bundled(), b"name = 3"])
+def test_a_line_end_in_a_file_name_breaks_no_table(console: Console, own_jobs: Path, content: bytes) -> None:
+    (own_jobs / "two\nlines\x1b[31m.toml").write_bytes(content)
+    rows = [line for line in console("jobs").out.splitlines() if "two" in line]
+    assert rows[0].startswith(r"two\nlines\x1b[31m  ")
+    assert "\x1b" not in console("jobs").out
+    names = [job["name"] for job in console("jobs", "--json").json["jobs"]]
+    assert "two\nlines\x1b[31m" in names
+
+
+def test_a_file_name_that_is_no_text_is_listed(console: Console, own_jobs: Path) -> None:
+    (own_jobs / os.fsdecode(b"odd\xff.toml")).write_bytes(bundled())
+    assert r"odd\udcff" in console("jobs").out
+    assert console("jobs", "--json").code == 0
+
+
+def test_json_has_the_name_of_the_file_and_the_title_inside(console: Console, own_jobs: Path) -> None:
+    (own_jobs / "copy.toml").write_bytes(bundled())
+    jobs = {job["name"]: job for job in console("jobs", "--json").json["jobs"]}
+    assert jobs["copy"]["title"] == "lee-2001-experiment-1"

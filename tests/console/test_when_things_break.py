@@ -1,0 +1,193 @@
+"""What goes wrong in the middle of a job: the machine is proven to rest, and the operator is told which."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.session.errors import SessionError
+from console.session.records import RunRecord
+from console.session.run import plan_run
+from console.session.sequence import Shop, Step, cut_part
+from drivers.cut import CutPlan, Strategy
+from drivers.lathe import Lathe
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.simulator.machine import SimulatedLathe
+from drivers.stop import StopPath
+from profiles.job import Job
+from profiles.store import load_job, load_machine
+
+JOB = load_job("lee-2001-experiment-1").job
+MACHINE = load_machine("lee-2001-lathe").machine
+RUN = {
+    "software": "x",
+    "job": "j",
+    "job_sha256": "0",
+    "machine": "m",
+    "machine_sha256": "0",
+    "simulated": 1,
+    "strategy": "pvt",
+    "program": "",
+}
+
+
+@pytest.fixture
+def plan() -> CutPlan:
+    return plan_run(JOB, MACHINE, Strategy.NONE).cut
+
+
+@pytest.fixture
+def shop() -> tuple[Shop, SimulatedLathe]:
+    simulated = SimulatedLathe(MACHINE)
+    link = MemoryLink(simulated.connect(), simulated)
+    stop = StopPath(link)
+    lathe = Lathe(PmacClient(link, simulated), MACHINE, simulated, stop)
+    opened = Shop(lathe=lathe, clamp=simulated.mount, measure=simulated.measure, simulated=True)
+    return opened, simulated
+
+
+def codes(error: pytest.ExceptionInfo[SessionError]) -> list[str]:
+    return [problem.code for problem in error.value.problems]
+
+
+def at(step: Step, act: Callable[[], Any]) -> Callable[[Step, str], None]:
+    """Return what is told the steps and does something at one of them."""
+    return lambda told, detail: act() if told is step else None
+
+
+def moving(simulated: SimulatedLathe) -> bool:
+    before = [motor.actual for motor in simulated.controller.motors.values()]
+    simulated.wait(0.5)
+    after = [motor.actual for motor in simulated.controller.motors.values()]
+    return any(abs(a - b) > 5 for a, b in zip(before, after, strict=True))
+
+
+def test_a_fault_of_the_console_stops_the_machine_and_is_told(
+    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+) -> None:
+    opened, simulated = shop
+    with pytest.raises(SessionError) as fault:
+        cut_part(opened, JOB, plan, at(Step.RETRACT, lambda: [][1]))
+    assert codes(fault) == ["session.fault"]
+    assert "IndexError" in fault.value.problems[0].value
+    assert not moving(simulated)
+
+
+def test_a_stop_with_the_tool_in_the_part_says_so(shop: tuple[Shop, SimulatedLathe], plan: CutPlan) -> None:
+    opened, simulated = shop
+    original = simulated.wait
+
+    def wait(seconds: float) -> None:
+        if simulated.controller.motors[3].actual > plan.carriage_start + 3000:
+            simulated.wait = original  # type: ignore[method-assign]
+            opened.lathe.stop.stop("operator")
+        original(seconds)
+
+    simulated.wait = wait  # type: ignore[method-assign]
+    with pytest.raises(SessionError) as stopped:
+        cut_part(opened, JOB, plan, lambda step, detail: None)
+    assert codes(stopped) == ["machine.stopped", "machine.tool_in_part"]
+    assert not moving(simulated)
+    assert all(motor.enabled for motor in simulated.controller.motors.values()), "ramped down under control"
+
+
+def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
+    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+) -> None:
+    opened, simulated = shop
+    original = simulated.wait
+
+    def wait(seconds: float) -> None:
+        if simulated.controller.motors[3].actual > plan.carriage_start + 3000:
+            simulated.wait = original  # type: ignore[method-assign]
+            simulated.controller.variables.replace_i({**_settings(simulated), 111: 1.0})
+        original(seconds)
+
+    simulated.wait = wait  # type: ignore[method-assign]
+    with pytest.raises(SessionError) as tripped:
+        cut_part(opened, JOB, plan, lambda step, detail: None)
+    assert codes(tripped) == ["machine.fault", "machine.retract_not_possible"]
+    assert "fatal_following_error" in tripped.value.problems[0].value
+    assert not any(motor.enabled for motor in simulated.controller.motors.values())
+
+
+def _settings(simulated: SimulatedLathe) -> dict[int, float]:
+    return {index: simulated.controller.variables.i(index) for index in range(1024)}
+
+
+def test_settings_that_differ_refuse_the_cut_and_leave_the_machine_alone(
+    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+) -> None:
+    opened, simulated = shop
+    simulated.controller.variables.replace_i({**_settings(simulated), 115: 0.25, 500: 1.0})
+    with pytest.raises(SessionError) as refused:
+        cut_part(opened, JOB, plan, lambda step, detail: None)
+    assert codes(refused) == ["controller.setting", "controller.strange_motor"]
+    assert [problem.key for problem in refused.value.problems] == ["I115", "I500"]
+    assert opened.lathe.stop.reason is None
+
+
+def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
+    shop: tuple[Shop, SimulatedLathe], plan: CutPlan, tmp_path: Path
+) -> None:
+    opened, simulated = shop
+    record = RunRecord(tmp_path, RUN)
+    other = sqlite3.connect(tmp_path / "records.sqlite3", isolation_level=None)
+
+    def lock() -> None:
+        other.execute("BEGIN EXCLUSIVE")
+        record.add("step", {})
+
+    with pytest.raises(SessionError) as lost:
+        cut_part(opened, JOB, plan, at(Step.ARM, lock))
+    assert codes(lost) == ["record.lost"]
+    assert not moving(simulated)
+    other.execute("ROLLBACK")
+    other.close()
+    record.close()
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"cut_length_mm": 0.1}, "cut.too_short"),
+        ({"cut_length_mm": 27.9, "feed_mm_per_rev": 0.4, "spindle_speed_rpm": 2400.0}, "cut.near_jaws"),
+        ({"lobe_error_um_pp": 900.0, "spindle_speed_rpm": 500.0, "depth_of_cut_mm": 0.5}, "cut.following_error"),
+    ],
+)
+@pytest.mark.parametrize("strategy", [Strategy.PAPER, Strategy.PVT])
+def test_what_would_go_wrong_in_the_cut_is_refused_before_it(
+    changes: dict[str, Any], code: str, strategy: Strategy
+) -> None:
+    job: Job = replace(JOB, chucking_force_n=6500.0, **changes)
+    with pytest.raises(SessionError) as refused:
+        plan_run(job, MACHINE, strategy)
+    assert code in codes(refused)
+
+
+def test_a_cut_of_endless_moves_is_refused_at_once(
+    job_file: Callable[..., Path], console: Callable[..., Any]
+) -> None:
+    said = console("run", str(job_file(feed_mm_per_rev="0.00001")), "--sim")
+    assert said.code == 1
+    assert "moves" in said.err
+    assert "refuse" not in said.err
+
+
+def test_too_fast_a_lobe_is_refused_with_the_speed_that_passes(
+    job_file: Callable[..., Path], console: Callable[..., Any]
+) -> None:
+    changes = {"jaws": "12", "chucking_force_n": "6500.0"}
+    said = console("run", str(job_file(**changes)), "--sim")
+    assert said.code == 1
+    line = next(line for line in said.err.splitlines() if "1 ms" in line)
+    allowed = int(line.rpartition("<= ")[2].partition(" rpm")[0])
+    assert 100 < allowed < 1000
+    words = ("program", str(job_file("slower", **changes, spindle_speed_rpm=f"{allowed}.0")), "--json")
+    assert console(*words).code == 0
