@@ -19,10 +19,6 @@ class Axis(Protocol):
 
     origin: float
 
-    @property
-    def output_fraction(self) -> float:
-        """Controller output at the last servo cycle, as a share of its limit, -1 to 1."""
-
     def close_loop(self) -> float:
         """Begin to hold the present position; return it as the commanded one, in motor counts."""
 

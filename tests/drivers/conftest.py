@@ -39,10 +39,6 @@ class Recorder:
     def origin(self, value: float) -> None:
         self._axis.origin = value
 
-    @property
-    def output_fraction(self) -> float:
-        return self._axis.output_fraction
-
     def close_loop(self) -> float:
         return self._axis.close_loop()
 

@@ -182,7 +182,7 @@ def test_pvt_warns_of_nothing(machine: MachineProfile, experiment: JobMaker) -> 
         ({"I116": 30}, "cut.too_fast", "I116"),
         ({"I216": 150}, "cut.too_fast", "I216"),
         ({"I113": 90_000}, "cut.beyond_travel", "I113"),
-        ({"I114": 95_000}, "cut.beyond_travel", "I114"),
+        ({"I114": 245_000}, "cut.beyond_travel", "I114"),
         ({"I313": 150_000}, "cut.beyond_travel", "I313"),
         ({"I111": 1600}, "cut.following_error", "I111"),
     ],

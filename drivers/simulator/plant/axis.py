@@ -48,8 +48,6 @@ class LinearMotor:
 class IdealAxis:
     """An axis that is where it is told to be; switched off, it runs out with a time constant."""
 
-    output_fraction = 0.0
-
     def __init__(self, cycle_s: float, coast_s: float, origin: float = 0.0) -> None:
         self.origin = origin
         self._x = 0.0
