@@ -18,7 +18,7 @@ from drivers.pmac.program_text import ProgramText, read_program
 from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program, spindle_start_counts
 from drivers.pmac.programs.pvt import fits_whole_milliseconds, pvt_program
 from drivers.pmac.programs.setup import CutSetup, cut_setup, refuse_endless
-from drivers.pmac.settings import settings_with
+from drivers.pmac.settings import PARTS_PER_COUNT, settings_with
 from profiles.compensation import SMALLEST_RESPONSE, Sinusoid, invert, wanted_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -45,7 +45,6 @@ class CutPlan:
 
     strategy: Strategy
     wanted: Sinusoid
-    command: Sinusoid | None
     setup: CutSetup
     text: str
     program: ProgramText
@@ -66,7 +65,6 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int |
             `response.too_small`), or the controller would refuse it (`program.refused`).
     """
     wanted = wanted_path(job)
-    command: Sinusoid | None = None
     if strategy is Strategy.PAPER:
         setup = cut_setup(job, machine, spindle_start_counts(job, machine))
         refuse_endless(2 * job.jaws * setup.turns)
@@ -84,7 +82,6 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int |
     return CutPlan(
         strategy=strategy,
         wanted=wanted,
-        command=command,
         setup=setup,
         text=text,
         program=program,
@@ -241,7 +238,7 @@ def _servo_findings(
     amplitude_um = 0.5 * (high - low) * machine.tool.count_um
     error_um = following_error_um(machine, amplitude_um, job.jaws * speed_rpm / 60.0)
     key = f"I{machine.tool.motor}11"
-    limit_um = machine.controller.variables[key] / 16.0 * machine.tool.count_um
+    limit_um = machine.controller.variables[key] / PARTS_PER_COUNT * machine.tool.count_um
     if error_um < limit_um:
         return []
     return [_refusal("cut.following_error", key, f"{error_um:.1f} um", f"< {limit_um:g} um")]

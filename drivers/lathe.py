@@ -210,11 +210,10 @@ class Lathe:
             DriverError: `machine.not_at_rest`.
         """
         self.stop.repeat()
-        timeout_s = COAST_TIMEOUT_S if self.stop.killed else REST_TIMEOUT_S
-        deadline = self._clock.now_s() + timeout_s
+        began_s = self._clock.now_s()
         before: Snapshot | None = None
         looks_at_rest = 0
-        while self._clock.now_s() < deadline:
+        while self._clock.now_s() - began_s < self._rest_timeout_s:
             snapshot = self._look()
             proven = snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not self.stop.killed)
             if not proven:
@@ -226,7 +225,12 @@ class Lathe:
             before = snapshot
             if snapshot is not None:
                 self._clock.wait(STOP_REPEAT_S)
-        raise DriverError(Problem(code="machine.not_at_rest", value=f"{timeout_s:g} s"))
+        raise DriverError(Problem(code="machine.not_at_rest", value=f"{self._rest_timeout_s:g} s"))
+
+    @property
+    def _rest_timeout_s(self) -> float:
+        """How long rest may take; a ramp that had to become a kill on the way has the time to run out, too."""
+        return COAST_TIMEOUT_S if self.stop.killed else REST_TIMEOUT_S
 
     def _look(self) -> Snapshot | None:
         try:

@@ -123,6 +123,8 @@ def _teller(
         keep("step", {"part": part, "step": step.value, "detail": detail})
         if options.json:
             return
+        if step.value == "cut":
+            detail = f"{detail} · {text('run.how_to_stop')}"
         try:
             print(f"{text('sim')}  {text(f'part.{part}')}  {text(f'step.{step}')}  {detail}".rstrip())
             sys.stdout.flush()

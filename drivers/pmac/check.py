@@ -21,7 +21,7 @@ from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_a
 from drivers.pmac.trajectory.planner import MotionPlanner, MoveRecord
 from drivers.pmac.variables import VariableStore
 
-MOST_MOVES = 200_000
+ENDLESS_MOVES = 200_000
 """Moves after which a program is said to have no end."""
 
 
@@ -70,14 +70,14 @@ def run_through(
     planner = MotionPlanner(run, ordered, variables, tuple(start[d.motor] for d in ordered))
     moves: list[CheckedMove] = []
     pieces: list[Piece] = []
-    for _ in range(MOST_MOVES):
+    for _ in range(ENDLESS_MOVES):
         planned = planner.plan()
         pieces.extend(planned.pieces)
         if planned.record is not None:
             moves.append(CheckedMove(record=planned.record, pieces=planned.pieces))
         if planned.finished:
             return _summary(tuple(d.motor for d in ordered), moves, pieces)
-    raise PmacError(ErrorCode.DATA_ERROR, f"no end after {MOST_MOVES} moves")
+    raise PmacError(ErrorCode.DATA_ERROR, f"no end after {ENDLESS_MOVES} moves")
 
 
 def loop_lines(program: syntax.Program) -> frozenset[int]:

@@ -9,6 +9,9 @@ from drivers.pmac.dialect import PMAC
 I10_PER_MS = 8_388_608
 """I10 counts servo time in 2^-23 ms, and wraps there."""
 
+PARTS_PER_COUNT = 16.0
+"""Ix11, Ix12, Ix26 and Ix28 are in sixteenths of a count."""
+
 
 def settings_with(named: Mapping[str, float]) -> dict[int, float]:
     """Return every I-variable: those that are named, such as {"I116": 500}, and the factory's for the rest."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.trajectory.jog import JogSettings, change_speed, decelerate, jog_to
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planner import SHORTEST_RAMP_MS
@@ -14,9 +15,6 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.plant.encoder import read_encoder
 from drivers.simulator.player import Player
 from drivers.simulator.servo import Axis
-
-SIXTEENTHS = 16.0
-"""Ix11, Ix12, Ix26 and Ix28 are in sixteenths of a count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +90,7 @@ class Motor:
     def out_of_hand(self) -> bool:
         """Whether the following error is above Ix11."""
         limit = self.variable(11)
-        return limit > 0.0 and abs(self.following_error) * SIXTEENTHS > limit
+        return limit > 0.0 and abs(self.following_error) * PARTS_PER_COUNT > limit
 
     @property
     def jogging(self) -> bool:
@@ -111,7 +109,7 @@ class Motor:
             self.enabled
             and self.velocity == 0.0
             and not self.jogging
-            and abs(self.following_error) * SIXTEENTHS < self.variable(28)
+            and abs(self.following_error) * PARTS_PER_COUNT < self.variable(28)
         )
 
     def variable(self, number: int) -> float:
@@ -229,7 +227,7 @@ class Motor:
         if self._homing is Homing.STOPPING:
             self._homing = Homing.OFFSET
             self._player = Player((position,))
-            self._player.append(jog_to(position, self.variable(26) / SIXTEENTHS, self._jog_settings()))
+            self._player.append(jog_to(position, self.variable(26) / PARTS_PER_COUNT, self._jog_settings()))
         elif self._homing is Homing.OFFSET:
             self._homing = None
 

@@ -33,12 +33,6 @@ class Player:
         """Add pieces to the end."""
         self._queue.extend(pieces)
 
-    def clear(self) -> None:
-        """Forget what was not played."""
-        self._queue.clear()
-        self._elapsed_ms = 0.0
-        self._entered = False
-
     def sample(self, count: int, cycle_ms: float) -> list[list[float]]:
         """Return `count` positions for each motor, one servo cycle apart, the first one cycle from now."""
         track: list[list[float]] = [[] for _ in self.position]

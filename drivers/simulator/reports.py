@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from drivers.pmac.execution import FEEDRATE_AXES
 from drivers.pmac.language.text import format_number
+from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.status import GLOBAL_BITS, MOTOR_BITS, SYSTEM_BITS, encode
 from drivers.simulator.controller import Controller
-from drivers.simulator.motor import SIXTEENTHS, Motor
+from drivers.simulator.motor import Motor
 
 
 def position(motor: Motor) -> str:
@@ -77,4 +78,4 @@ def global_status(controller: Controller) -> str:
 
 def _warning(motor: Motor) -> bool:
     limit = motor.variable(12)
-    return motor.enabled and limit > 0.0 and abs(motor.following_error) * SIXTEENTHS > limit
+    return motor.enabled and limit > 0.0 and abs(motor.following_error) * PARTS_PER_COUNT > limit

@@ -142,6 +142,22 @@ def test_a_spindle_that_runs_out_after_a_kill_is_proven_at_rest(bench: Bench) ->
     assert bench.sim.controller.motors[2].actual == pytest.approx(turned, abs=50)
 
 
+def test_a_ramp_that_had_to_become_a_kill_has_the_time_to_run_out(bench: Bench) -> None:
+    """Control-A, then a lost reply: the drives are in doubt, control-K follows at full speed."""
+    link, lathe, stop = tampered(bench)
+    bench.client.request("I215=0.02")
+    lathe.load(read_program(SPIN.replace("1000000", "3333333")))
+    lathe.start(3)
+    bench.sim.wait(5.0)
+    lathe.snapshot()
+    link.deaf_for = 2
+    stop.stop("operator")
+    began = bench.sim.now_s()
+    assert lathe.wait_for_rest().loops_open
+    assert link.urgent[0][1] == b"\x01"
+    assert bench.sim.now_s() - began > 15.0
+
+
 def test_a_motor_that_nobody_knows_is_told_and_no_abort_would_close_it(bench: Bench) -> None:
     bench.client.request("I500=1")
     _, lathe, stop = tampered(bench)
