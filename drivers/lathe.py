@@ -15,6 +15,7 @@ from drivers.pmac.axes import read_definitions
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_line, format_number
 from drivers.pmac.program_text import ProgramText
+from drivers.pmac.variables import MODAL_NUMBERS, coordinate_variable
 from drivers.snapshot import AxisName, Snapshot, read_snapshot, snapshot_items
 from drivers.stop import StopPath
 from profiles.machine import MachineProfile
@@ -42,7 +43,7 @@ REST_BAND_COUNTS = 1.0
 FIRST_MOTOR, LAST_MOTOR = 1, 8
 
 QUERY_BATCH = 10
-MODAL_SETTINGS = ("I187", "I188", "I189")
+MODAL_SETTINGS = tuple(f"I{coordinate_variable(1, number)}" for number in MODAL_NUMBERS)
 
 
 class Lathe:

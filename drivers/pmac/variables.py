@@ -21,10 +21,15 @@ def coordinate_variable(system: int, number: int) -> int:
     return 100 * system + number
 
 
+MODAL_NUMBERS = (87, 88, 89)
+"""Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them."""
+
+
 class VariableStore:
     """Values by family and number; what was never set reads 0, an undefined M is a plain value.
 
-    `i_revision` changes whenever an I-variable may have changed, so that what is derived from them can follow.
+    `i_revision` changes whenever a setting may have changed, so that what is derived from them can follow; what
+    a program keeps in Ix87 to Ix89 from move to move is none.
     """
 
     def __init__(self, i_variables: Mapping[int, float] | None = None) -> None:
@@ -56,7 +61,8 @@ class VariableStore:
         _check(kind, index)
         if kind is VariableKind.I:
             value = max(-GREATEST_SETTING, min(value, GREATEST_SETTING))
-            self.i_revision += 1
+            if index % 100 not in MODAL_NUMBERS:
+                self.i_revision += 1
         self._table(kind)[index] = value
 
     def i(self, index: int) -> float:
