@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+SCREEN = "console.tui.start"
 MODULES = {name: f"console.cli.{name}" for name in ("jobs", "preview", "program", "run", "simulator", "roundness")}
 
 
@@ -63,13 +64,13 @@ def _dispatch(words: list[str], text: Catalogue) -> int:
     options = parser.parse_args(words)
     if options.version:
         return _version(options.json)
-    if options.command is None:
+    if options.command is None and not options.sim:
         parser.print_help()
         print(f"console: {text('usage.no_command', limit=' | '.join(MODULES))}", file=sys.stderr)
         return WRONG_USAGE
     from importlib import import_module
 
-    module = import_module(MODULES[options.command])
+    module = import_module(SCREEN if options.command is None else MODULES[options.command])
     if getattr(options, "ts", None) is not None and options.strategy != "paper":
         parser.error(text("usage.ts_without_paper"))
     code: int = module.main(options, text)

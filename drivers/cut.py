@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import pairwise
 
 from drivers.errors import DriverError
 from drivers.pmac.axes import read_definitions
@@ -29,6 +30,10 @@ from profiles.servo import following_error_um, sampled_response
 LEAST_TURNS = 3.0
 LEAST_CUT_S = 0.2
 """The shortest cut: so many turns, and so long, for the looks at the machine during it."""
+
+
+STEADY_FEED = 0.999999
+"""Share of the longest feed in a loop from which a move belongs to the steady cut."""
 
 
 class Strategy(StrEnum):
@@ -77,7 +82,7 @@ def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int |
         text = pvt_program(job, setup, command)
         tool_start = setup.retracted
     program, checked = _checked(text, machine, _start(machine, setup, tool_start))
-    loop = _steady_moves(program, checked)
+    loop = _steady_moves(program, checked, machine)
     speed_rpm = _speed_rpm(loop, checked, machine)
     return CutPlan(
         strategy=strategy,
@@ -147,10 +152,19 @@ def _start(machine: MachineProfile, setup: CutSetup, tool_start: float) -> dict[
     }
 
 
-def _steady_moves(program: ProgramText, checked: CheckedProgram) -> tuple[CheckedMove, ...]:
-    """Return the moves of the last loop, without those that lead into and out of it."""
+def _steady_moves(
+    program: ProgramText, checked: CheckedProgram, machine: MachineProfile
+) -> tuple[CheckedMove, ...]:
+    """Return the moves of the loop in which the carriage feeds, without those that lead into and out of it."""
     lines = loop_lines(program.program)
-    moves = [move for move in checked.moves if move.record.line in lines]
+    index = checked.motors.index(machine.carriage.motor)
+    steps = [
+        (after.record.target[index] - before.record.target[index], after)
+        for before, after in pairwise(checked.moves)
+        if after.record.line in lines
+    ]
+    furthest = max(step for step, _ in steps)
+    moves = [move for step, move in steps if step > STEADY_FEED * furthest]
     tail = max(2, len(moves) // 4)
     return tuple(moves[-tail - 1 : -1])
 

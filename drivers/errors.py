@@ -23,3 +23,7 @@ class ControllerError(DriverError):
     def __init__(self, *args: object, error_number: int = 0) -> None:
         super().__init__(*args)  # type: ignore[arg-type]
         self.error_number = error_number
+
+
+class RefusedError(DriverError):
+    """Refused here, before anything was sent: the machine is as it was."""

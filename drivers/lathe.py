@@ -10,14 +10,17 @@ from collections.abc import Callable
 from functools import partial
 
 from drivers.clock import Clock
-from drivers.errors import DriverError, LinkError, LinkTimeoutError
+from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_line, format_number
 from drivers.pmac.program_text import ProgramText
+from drivers.pmac.programs.setup import HOLD_FLAG
+from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import MODAL_NUMBERS, coordinate_variable
-from drivers.snapshot import AxisName, Snapshot, read_snapshot, snapshot_items
+from drivers.snapshot import AxisName, AxisState, Snapshot, read_snapshot, snapshot_items
 from drivers.stop import StopPath
+from drivers.travel import overrun_counts, refuse_beyond_travel
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -40,6 +43,9 @@ LOOKS_AT_REST = 3
 REST_BAND_COUNTS = 1.0
 """Rest is so many looks in a row, between which no axis has gone further than this."""
 
+LINK_GONE = "link.lost"
+"""The problem of a link that will not come back."""
+
 FIRST_MOTOR, LAST_MOTOR = 1, 8
 
 QUERY_BATCH = 10
@@ -49,15 +55,26 @@ MODAL_SETTINGS = tuple(f"I{coordinate_variable(1, number)}" for number in MODAL_
 class Lathe:
     """One machine at the end of one link. Methods that move check the stop first and wait for the end.
 
-    `has_moved` says whether anything that moves was ever sent.
+    `has_moved` says whether anything that moves was ever sent. `round_trip_s` is how long the last look took
+    from its request to its reply.
     """
 
-    def __init__(self, client: PmacClient, machine: MachineProfile, clock: Clock, stop: StopPath) -> None:
+    def __init__(
+        self,
+        client: PmacClient,
+        machine: MachineProfile,
+        clock: Clock,
+        stop: StopPath,
+        seen: Callable[[Snapshot], None] | None = None,
+    ) -> None:
+        """`seen` is given every look that was read, in whatever wait; it must return at once and not raise."""
         self.machine = machine
         self.stop = stop
+        self.has_moved = False
+        self.round_trip_s = 0.0
         self._client = client
         self._clock = clock
-        self.has_moved = False
+        self._seen = seen
         self._verified = False
         self._motors = {
             AxisName.TOOL: machine.tool.motor,
@@ -122,15 +139,20 @@ class Lathe:
             return self._read(LOOK_TIMEOUT_S)
 
     def _read(self, timeout_s: float) -> Snapshot:
+        sent_s = self._clock.now_s()
         try:
             replies = self._client.query(*snapshot_items(tuple(self._motors.values())), timeout_s=timeout_s)
-            snapshot = read_snapshot(replies, self._clock.now_s(), self._client.link.address)
+            at_s = self._clock.now_s()
+            snapshot = read_snapshot(replies, at_s, self._client.link.address)
         except DriverError:
             # What the drives do now is not known, so the stop must not rely on it.
             self.stop.loops_closed = False
             raise
         # A motor that is not ours would be closed by the same control-A, so that must be known, too.
         self.stop.loops_closed = snapshot.loops_closed and self._verified
+        self.round_trip_s = at_s - sent_s
+        if self._seen is not None:
+            self._seen(snapshot)
         return snapshot
 
     def enable(self) -> None:
@@ -144,6 +166,17 @@ class Lathe:
         if not self.snapshot().loops_closed:
             raise DriverError(Problem(code="machine.not_enabled", where=self._client.link.address))
 
+    def switch_off(self) -> None:
+        """Open the loops of all axes at rest: drives off. No stop is in force afterwards.
+
+        Raises:
+            DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
+        """
+        self._refuse_moving(self.snapshot())
+        self.stop.switch_off()
+        if not self.snapshot().loops_open:
+            raise DriverError(Problem(code="machine.not_switched_off", where=self._client.link.address))
+
     def home(self, timeout_s: float = 60.0) -> None:
         """Search the zero of each axis: tool out first, then the carriage, then the spindle's index.
 
@@ -154,14 +187,56 @@ class Lathe:
             self._move(f"#{self._motors[axis]}HM")
             self._wait(partial(_arrived, axis=axis, flag="home_complete"), timeout_s, f"home {axis}")
 
-    def jog_to(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
+    def jog_to(self, axis: AxisName, counts: float, timeout_s: float = 120.0, *, settle: bool = True) -> None:
         """Jog one axis to a position in counts of its motor.
+
+        With `settle` it must be in position; without, it is enough that it is commanded to rest there and lags by
+        less than the warning limit Ix12: the integrator of a slow loop may take many seconds for the remainder.
 
         Raises:
             DriverError: `machine.timeout` or `machine.fault`.
         """
         self._move(f"#{self._motors[axis]}J={format_number(counts)}")
-        self._wait(partial(_arrived, axis=axis, flag="in_position"), timeout_s, f"jog {axis}")
+        done = partial(_arrived, axis=axis, flag="in_position")
+        if not settle:
+            band = self.machine.controller.variables[f"I{self._motors[axis]}12"] / PARTS_PER_COUNT
+            done = partial(_nearly_arrived, axis=axis, band_counts=band)
+        self._wait(done, timeout_s, f"jog {axis}")
+
+    def jog_by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
+        """Jog one axis by an increment in counts, from where it is commanded to be.
+
+        Raises:
+            DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `jog_to`.
+        """
+        state = self._ready_to_jog(axis)
+        end = state.position + state.following_error + counts
+        refuse_beyond_travel(self.machine, axis, self._motors[axis], end)
+        self.jog_to(axis, end, timeout_s, settle=False)
+
+    def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
+        """Jog the tool out, after a stop or a hold, to a position in counts; the tool counts towards the work.
+
+        A tool that is already there, within the band of its in-position flag, is left alone.
+
+        Raises:
+            DriverError: `machine.retract_direction`, the position is further in than where the tool stands;
+                `machine.moving`, `machine.not_enabled`, and those of `jog_to`.
+        """
+        here = self._ready_to_jog(AxisName.TOOL).position
+        band = self.machine.controller.variables[f"I{self.machine.tool.motor}28"] / PARTS_PER_COUNT
+        if abs(to_counts - here) <= band:
+            return
+        if to_counts > here:
+            value, limit = f"{to_counts:.0f} counts", f"< {here:.0f} counts"
+            raise RefusedError(
+                Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=limit)
+            )
+        self.jog_to(AxisName.TOOL, to_counts, timeout_s)
+
+    def overrun_counts(self, axis: AxisName) -> float:
+        """Return the way that an axis may still go after a stop in mid-jog, see `drivers.travel`."""
+        return overrun_counts(self.machine, self._motors[axis])
 
     def load(self, program: ProgramText) -> None:
         """Send a program, read it back and compare.
@@ -192,6 +267,21 @@ class Lathe:
         """Run a loaded program. This moves the machine."""
         self._move(f"&1B{number}R")
 
+    def hold(self) -> None:
+        """Ask the program to end at the end of the present turn and to retract; `follow` then sees its end.
+
+        Between two looks, also from the `watch` of `follow`. It moves nothing by itself, so that it may be sent
+        after a stop, and twice.
+
+        Raises:
+            LinkError: the link broke or is out of step; whether the program was told is unknown.
+        """
+        line = f"{HOLD_FLAG}=1"
+        try:
+            self._client.request(line, LOOK_TIMEOUT_S)
+        except LinkTimeoutError:
+            self._client.request(line, LOOK_TIMEOUT_S)
+
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float) -> Snapshot:
         """Look at the machine until the program has ended and the axes have arrived.
 
@@ -205,24 +295,30 @@ class Lathe:
         """After a stop: send it again, and repeat it, until the controller proves that nothing moves.
 
         After control-K every loop must be open as well, and a spindle may take its time to run out. A look
-        that fails is no proof: the stop goes out again, and the next look is tried.
+        that fails is no proof: the stop goes out again, and the next look is tried. So is a stop that somebody
+        sends meanwhile: the proof begins anew.
 
         Raises:
             DriverError: `machine.not_at_rest`.
+            LinkError: `link.lost`, there is nobody to ask any more.
         """
         self.stop.repeat()
         began_s = self._clock.now_s()
         before: Snapshot | None = None
-        looks_at_rest = 0
+        mark, looks_at_rest = self.stop.mark, 0
         while self._clock.now_s() - began_s < self._rest_timeout_s:
+            if self.stop.mark != mark:
+                mark, looks_at_rest = self.stop.mark, 0
             snapshot = self._look()
             proven = snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not self.stop.killed)
             if not proven:
                 self.stop.repeat()
             still = snapshot is not None and before is not None and snapshot.near(before, REST_BAND_COUNTS)
             looks_at_rest = looks_at_rest + 1 if proven and still else 0
-            if snapshot is not None and looks_at_rest == LOOKS_AT_REST:
-                return snapshot
+            if snapshot is not None and mark is not None and looks_at_rest >= LOOKS_AT_REST:
+                self.stop.rest_proven(mark)
+                if self.stop.proven:
+                    return snapshot
             before = snapshot
             if snapshot is not None:
                 self._clock.wait(STOP_REPEAT_S)
@@ -236,8 +332,28 @@ class Lathe:
     def _look(self) -> Snapshot | None:
         try:
             return self._read(QUICK_LOOK_TIMEOUT_S)
-        except DriverError:
+        except DriverError as error:
+            if error.problems[0].code == LINK_GONE:
+                raise
             return None
+
+    def _ready_to_jog(self, axis: AxisName) -> AxisState:
+        """Return where an axis stands. A jog would close an open loop, and nothing else may do that unasked.
+
+        Raises:
+            DriverError: `machine.moving`, `machine.not_enabled`.
+        """
+        self.stop.check()
+        snapshot = self.snapshot()
+        self._refuse_moving(snapshot)
+        state = snapshot.axis(axis)
+        if not state.closed:
+            raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
+        return state
+
+    def _refuse_moving(self, snapshot: Snapshot) -> None:
+        if snapshot.moving:
+            raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
 
     def _move(self, line: str) -> None:
         """Send a line that moves something. A stop that overtook it on the way is sent again behind it.
@@ -270,9 +386,10 @@ class Lathe:
             self._clock.wait(JOG_POLL_S if watch is None else CUT_POLL_S)
             self.stop.check()
             snapshot = self.snapshot()
-            if snapshot.faults:
-                self.stop.stop(snapshot.faults[0])
-                raise DriverError(Problem(code="machine.fault", key=what, value=", ".join(snapshot.faults)))
+            faults = snapshot.axis_faults if watch is None else snapshot.faults
+            if faults:
+                self.stop.stop(faults[0])
+                raise DriverError(Problem(code="machine.fault", key=what, value=", ".join(faults)))
             if watch is not None:
                 watch(snapshot)
             if done(snapshot):
@@ -285,3 +402,8 @@ class Lathe:
 def _arrived(snapshot: Snapshot, axis: AxisName, flag: str) -> bool:
     flags = snapshot.axis(axis).flags
     return flag in flags and "in_position" in flags and "home_search" not in flags
+
+
+def _nearly_arrived(snapshot: Snapshot, axis: AxisName, band_counts: float) -> bool:
+    state = snapshot.axis(axis)
+    return "desired_velocity_zero" in state.flags and abs(state.following_error) <= band_counts

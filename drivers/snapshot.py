@@ -30,6 +30,11 @@ class AxisState:
     following_error: float
     flags: frozenset[str]
 
+    @property
+    def closed(self) -> bool:
+        """Whether the axis is under control."""
+        return "amplifier_enabled" in self.flags and "open_loop" not in self.flags
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
@@ -54,7 +59,7 @@ class Snapshot:
     @property
     def loops_closed(self) -> bool:
         """Whether every axis is under control."""
-        return all("amplifier_enabled" in a.flags and "open_loop" not in a.flags for a in self.axes)
+        return all(axis.closed for axis in self.axes)
 
     @property
     def loops_open(self) -> bool:
@@ -65,6 +70,11 @@ class Snapshot:
     def at_rest(self) -> bool:
         """Whether nothing is commanded to move and no program is left."""
         return not self.program_running and all("desired_velocity_zero" in a.flags for a in self.axes)
+
+    @property
+    def moving(self) -> bool:
+        """Whether something is commanded to move, or a program is left."""
+        return not self.at_rest
 
     @property
     def in_position(self) -> bool:
@@ -78,10 +88,14 @@ class Snapshot:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Names of the fault bits that are set, by axis."""
+        """Names of the fault bits that are set, by axis, and that of a program that ended with an error."""
+        return (*self.axis_faults, *(("program: runtime_error",) if self.runtime_error else ()))
+
+    @property
+    def axis_faults(self) -> tuple[str, ...]:
+        """The same without the program: its error stays set until the next one runs."""
         pairs = zip(AxisName, self.axes, strict=True)
-        found = [f"{axis}: {name}" for axis, state in pairs for name in FAULT_FLAGS if name in state.flags]
-        return tuple(found + (["program: runtime_error"] if self.runtime_error else []))
+        return tuple(f"{axis}: {name}" for axis, state in pairs for name in FAULT_FLAGS if name in state.flags)
 
     def near(self, other: Snapshot, counts: float) -> bool:
         """Whether no axis is further than `counts` from where it was in `other`."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from drivers.errors import DriverError, LinkError
+from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.link.base import Link
 from profiles.problem import Problem
 
@@ -24,8 +24,8 @@ class StoppedError(DriverError):
 class StopPath:
     """Latched twice, against motion and against energising.
 
-    Once stopped, nothing that moves is sent again in this session; and after one control-K every further stop
-    is a control-K, whatever an older reply says of the drives.
+    Once stopped, nothing that moves is sent until `release`; and after one control-K every further stop is a
+    control-K until then, whatever an older reply says of the drives.
 
     `loops_closed` is set by the lathe from what the controller reports, and cleared when that is in doubt; it
     starts as False, because nothing is known yet.
@@ -34,26 +34,74 @@ class StopPath:
     def __init__(self, link: Link) -> None:
         self._link = link
         self.loops_closed = False
-        self.killed = False
-        self.reason: str | None = None
+        # No lock: a signal handler may come in the middle of anything. The list of stops only grows, a release
+        # only says how many of them are over, so that no release can take back a stop that it does not know.
+        self._begun: list[str] = []
+        self._sent: list[None] = []
+        self._killed_at = 0
+        self._proven = 0
+        self._released = 0
+
+    @property
+    def reason(self) -> str | None:
+        """Why the machine was stopped, None when no stop is in force."""
+        released = self._released
+        return self._begun[released] if len(self._begun) > released else None
+
+    @property
+    def killed(self) -> bool:
+        """Whether a control-K is among the stops in force."""
+        return self._killed_at > self._released
+
+    @property
+    def mark(self) -> int | None:
+        """How many stops were sent, None while one is on its way."""
+        sent = len(self._sent)
+        return sent if sent == len(self._begun) else None
+
+    @property
+    def proven(self) -> bool:
+        """Whether the machine was seen at rest after the last stop that was sent."""
+        return self.reason is not None and self._proven == len(self._begun)
 
     def stop(self, reason: str) -> None:
         """Send the stop now. Safe in a signal handler and from any thread; never raises."""
-        self.reason = self.reason or reason
-        self.repeat()
+        self._send(reason, kill=False)
 
     def kill(self, reason: str) -> None:
         """Open every loop now; the spindle coasts."""
-        self.killed = True
-        self.stop(reason)
+        self._send(reason, kill=True)
 
     def repeat(self) -> None:
         """Send the stop again, while it is not yet proven that the machine rests."""
-        if not self.loops_closed:
-            self.killed = True
-        # A link that is gone has nobody to tell here: the wait for rest fails, and says so.
-        with suppress(LinkError):
-            self._link.send_urgent(KILL_ALL if self.killed else ABORT_ALL)
+        self._send("repeated", kill=False)
+
+    def rest_proven(self, mark: int) -> None:
+        """Take note that every look since `mark` found the machine at rest."""
+        self._proven = mark
+
+    def release(self) -> None:
+        """Go on after a stop; does nothing when none is in force. A stop that comes meanwhile stays in force.
+
+        Raises:
+            RefusedError: `stop.not_proven`, the machine was not seen at rest after the last stop.
+        """
+        if self.reason is None:
+            return
+        proven = self._proven
+        if proven != len(self._begun):
+            raise RefusedError(Problem(code="stop.not_proven", where=self._link.address))
+        self.loops_closed = False
+        self._released = proven
+
+    def switch_off(self) -> None:
+        """Open every loop without a stop in force afterwards: an ordinary act, for a machine at rest.
+
+        Raises:
+            LinkError: the link broke.
+        """
+        self.loops_closed = False
+        self._link.send_urgent(KILL_ALL)
 
     def check(self) -> None:
         """Refuse to go on after a stop.
@@ -61,5 +109,17 @@ class StopPath:
         Raises:
             StoppedError: `machine.stopped`.
         """
-        if self.reason is not None:
-            raise StoppedError(Problem(code="machine.stopped", value=self.reason))
+        reason = self.reason
+        if reason is not None:
+            raise StoppedError(Problem(code="machine.stopped", value=reason))
+
+    def _send(self, reason: str, *, kill: bool) -> None:
+        self._begun.append(reason)
+        if kill or not self.loops_closed:
+            self._killed_at = len(self._begun)
+        try:
+            # A link that is gone has nobody to tell here: the wait for rest fails, and says so.
+            with suppress(LinkError):
+                self._link.send_urgent(KILL_ALL if self.killed else ABORT_ALL)
+        finally:
+            self._sent.append(None)

@@ -46,7 +46,8 @@ class Field:
     """One key: its kind and what it may hold.
 
     `above` is an exclusive lower bound, `at_least` an inclusive one, `at_most` an inclusive upper one, all in
-    `unit`. A field with a `default` may be missing. `table` is where a newly written file puts the key.
+    `unit`. A field with a `default` may be missing; an `optional` one, too, and is then None.
+    `table` is where a newly written file puts the key.
     `choices` are the words of a CHOICE, and of a TEXTS field the only members allowed.
     """
 
@@ -58,12 +59,13 @@ class Field:
     at_most: float | None = None
     choices: tuple[str, ...] = ()
     default: object = None
+    optional: bool = False
     table: str = ""
 
     @property
     def required(self) -> bool:
         """Whether the key must be there."""
-        return self.default is None
+        return self.default is None and not self.optional
 
     @property
     def limit(self) -> str:

@@ -24,7 +24,8 @@ class Job:
     `chucking_force_n` is the total over all jaws, at rest. `depth_of_cut_mm` is on the radius.
     `lobe_error_um_pp` is the free-state error, peak to peak, that a plain cut leaves (the 55 and 33 um of the
     paper); the released part is high at spindle angle `lobe_phase_deg`, the angle of jaw 1.
-    `assumed` names the keys whose values the source does not give.
+    `lobe_force_n` is the chucking force at which that error was found; a file that does not give it has its
+    error at its own chucking force. `assumed` names the keys whose values the source does not give.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Job:
     lobe_phase_deg: float
     lobe_error_source: str
     roundness_tolerance_um: float
+    lobe_force_n: float | None = None
     assumed: tuple[str, ...] = ()
     source: str = ""
     schema: int = 1
@@ -55,6 +57,11 @@ class Job:
     def lobe_amplitude_um(self) -> float:
         """Half of the peak-to-peak error: A1 of Eq 7."""
         return self.lobe_error_um_pp / 2
+
+    @property
+    def error_force_n(self) -> float:
+        """Chucking force that the lobe error belongs to."""
+        return self.chucking_force_n if self.lobe_force_n is None else self.lobe_force_n
 
     @property
     def lobe_frequency_hz(self) -> float:
@@ -82,6 +89,7 @@ _CONTENT = (
     Field(key="lobe_phase_deg", table="lobe", unit="deg", at_least=-360, at_most=360),
     Field(key="lobe_error_source", kind=Kind.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
     _number("roundness_tolerance_um", "lobe", "um", 1000),
+    Field(key="lobe_force_n", table="lobe", unit="N", above=0, at_most=100_000, optional=True),
 )
 
 JOB_FIELDS: tuple[Field, ...] = (

@@ -15,6 +15,7 @@ Codes, with what is refused:
 - `rule.tool_force`            a lobe that needs more than the continuous thrust of the tool axis
 - `rule.encoder_acceleration`  a lobe that shakes the tool harder than its encoder allows
 - `rule.jaws_differ`           (warning) another number of jaws than the machine's own chuck
+- `rule.force_differs`         (warning) another chucking force than the one at which the lobe error was found
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 MOST_GRIP_LOSS = 0.67
+
+SAME_FORCE = 0.005
+"""Share by which two chucking forces may differ and still be the same setting of the wrench."""
 
 
 class Severity(StrEnum):
@@ -57,6 +61,7 @@ def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         _carriage_travel(job, machine),
         *_tool_load(job, machine),
         _jaws(job, machine),
+        force_as_measured(job),
     )
 
 
@@ -74,6 +79,19 @@ def centrifugal_loss_n(job: Job, machine: MachineProfile) -> float:
 def grip_margin_n(job: Job, machine: MachineProfile) -> float:
     """Return the clamping force that may be counted on at speed: F_sp0 / S_sp - F_c (VDI 3106)."""
     return job.chucking_force_n / machine.chuck.safety_factor - centrifugal_loss_n(job, machine)
+
+
+def same_force(one_n: float, other_n: float) -> bool:
+    """Whether two chucking forces are the same setting of the wrench."""
+    return abs(one_n - other_n) <= SAME_FORCE * max(one_n, other_n)
+
+
+def force_as_measured(job: Job) -> Finding:
+    """Return whether the part is held as it was when its lobe error was found: the error goes with the force."""
+    severity = Severity.OK if same_force(job.chucking_force_n, job.error_force_n) else Severity.WARNING
+    value, limit = f"{job.chucking_force_n:.6g} N", f"{job.error_force_n:.6g} N"
+    problem = Problem(code="rule.force_differs", key="chucking_force_n", value=value, limit=limit)
+    return Finding(severity=severity, problem=problem)
 
 
 def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:

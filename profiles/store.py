@@ -87,7 +87,7 @@ def save_job(job: Job, path: Path, *, overwrite: bool = False) -> None:
     `ProfileError` with the problems of the job itself, `file.exists`, `file.bundled` or `file.not_writable`.
     """
     where = printable(str(path))
-    values = asdict(job)
+    values = {key: value for key, value in asdict(job).items() if value is not None}
     job_from_table(values, where=where)
     try:
         bundled = _LIBRARY.resolve() in path.resolve().parents
@@ -136,7 +136,9 @@ def _job_text(values: dict[str, Any], existing: Path | None) -> str:
         except ProfileError:
             pass  # what stands there is no job: nothing to keep
     for field in JOB_FIELDS:
-        value = values[field.key]
+        value = values.get(field.key)
+        if value is None:
+            continue
         plain = list(value) if isinstance(value, tuple) else value
         place = _place(document, field.key, field.table)
         if field.key not in place or place[field.key] != plain:  # a value that stays keeps its spelling

@@ -70,6 +70,9 @@ def build(text: Catalogue) -> Parser:
     _titles(parser, text)
     parser.add_argument("--version", action="store_true", help=text("help.version"))
     parser.add_argument("--json", action="store_true", help=text("help.json"))
+    parser.add_argument("--sim", action="store_true", help=text("help.screen"))
+    parser.add_argument("--machine", metavar="NAME", default=DEFAULT_MACHINE, help=text("help.machine"))
+    parser.add_argument("--data", metavar="FOLDER", help=text("help.data"))
     _language(parser, text)
     commands = parser.add_subparsers(
         dest="command", metavar="COMMAND", title=text("help.commands"), parser_class=Parser
@@ -104,7 +107,7 @@ def _run(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "run", text)
     _job(parser, text)
     _machine(parser, text)
-    parser.add_argument("--sim", action="store_true", help=text("help.sim"))
+    parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.sim"))
     _strategy(parser, text)
 
 
@@ -131,7 +134,7 @@ def _command(commands: _Commands, name: str, text: Catalogue) -> Parser:
     _titles(parser, text)
     # Not given here, it stays as it was given before the command.
     parser.add_argument("--json", action="store_true", default=argparse.SUPPRESS, help=text("help.json"))
-    parser.add_argument("--data", metavar="FOLDER", help=text("help.data"))
+    parser.add_argument("--data", metavar="FOLDER", default=argparse.SUPPRESS, help=text("help.data"))
     _language(parser, text)
     return parser
 
@@ -152,7 +155,7 @@ def _job(parser: Parser, text: Catalogue) -> None:
 
 
 def _machine(parser: Parser, text: Catalogue) -> None:
-    parser.add_argument("--machine", metavar="NAME", default=DEFAULT_MACHINE, help=text("help.machine"))
+    parser.add_argument("--machine", metavar="NAME", default=argparse.SUPPRESS, help=text("help.machine"))
 
 
 def _strategy(parser: Parser, text: Catalogue) -> None:

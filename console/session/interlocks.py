@@ -80,4 +80,5 @@ def _yes_or_no(name: str, holds: bool, code: str) -> Interlock:
 
 
 def _faults(snapshot: Snapshot) -> tuple[Problem, ...]:
-    return tuple(Problem(code="machine.fault", key="arm", value=fault) for fault in snapshot.faults)
+    # A program's run-time error is no reason: only the next start clears that bit.
+    return tuple(Problem(code="machine.fault", key="arm", value=fault) for fault in snapshot.axis_faults)

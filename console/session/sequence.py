@@ -129,7 +129,7 @@ def _cut(lathe: Lathe, job: Job, plan: CutPlan) -> CutFigures:
 def _prove_retracted(lathe: Lathe, plan: CutPlan) -> None:
     """The program takes the tool out; the controller must say that it is there and that nothing moves."""
     snapshot = lathe.snapshot()
-    if not snapshot.at_rest or not _is_clear(snapshot, plan):
+    if not snapshot.at_rest or not tool_clear(snapshot, plan):
         value, limit = f"{snapshot.tool.position:.0f} counts", f"< {_clear_of(plan):.0f} counts"
         raise SessionError(Problem(code="machine.not_retracted", key="tool", value=value, limit=limit))
 
@@ -138,7 +138,8 @@ def _clear_of(plan: CutPlan) -> float:
     return plan.setup.surface - RETRACT_BAND_COUNTS
 
 
-def _is_clear(snapshot: Snapshot, plan: CutPlan) -> bool:
+def tool_clear(snapshot: Snapshot, plan: CutPlan) -> bool:
+    """Whether the tool is out of the part of this cut."""
     return snapshot.tool.position < _clear_of(plan)
 
 
@@ -150,7 +151,7 @@ def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionEr
         snapshot = lathe.wait_for_rest()
     except ProblemError as unproven:
         return SessionError(*error.problems, *unproven.problems, Problem(code="machine.state_unknown"))
-    if snapshot.homed and not _is_clear(snapshot, plan):
+    if snapshot.homed and not tool_clear(snapshot, plan):
         # The tool may be in the part: say so, and whether the machine can take it out.
         code = "machine.tool_in_part" if snapshot.loops_closed else "machine.retract_not_possible"
         return SessionError(*error.problems, Problem(code=code))

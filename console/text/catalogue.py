@@ -44,9 +44,11 @@ class Catalogue:
 
 
 def load(language: str) -> Catalogue:
-    """Read the catalogue of a language in `LANGUAGES`."""
-    with (_FOLDER / f"{language}.toml").open("rb") as file:
-        return Catalogue(language, tomllib.load(file))
+    """Read the catalogue of a language in `LANGUAGES`: all files of its folder, each key in one of them."""
+    entries: dict[str, str] = {}
+    for path in sorted((_FOLDER / language).glob("*.toml")):
+        entries |= tomllib.loads(path.read_text(encoding="utf-8"))
+    return Catalogue(language, entries)
 
 
 def choose_language(arguments: Sequence[str], environment: Mapping[str, str]) -> str:

@@ -10,11 +10,12 @@ from drivers.pmac.settings import settings_with
 from drivers.simulator.controller import Controller
 from drivers.simulator.motor import HomeSensor
 from drivers.simulator.plant.axis import IdealAxis, LinearMotor
-from drivers.simulator.plant.gauge import measure_released
+from drivers.simulator.plant.gauge import look_at, measure_released
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workpiece import Workpiece
 from drivers.simulator.port import Port
 from drivers.simulator.servo import Axis, ServoAxis, ServoGains
+from drivers.simulator.shop_view import ShopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.traces import Trace
@@ -58,6 +59,7 @@ class SimulatedLathe:
         self._ports: list[Port] = []
         self._part: Workpiece | None = None
         self._nominal_radius_mm = 0.0
+        self._free_end_mm = true.jaw_face_mm
         self._debt_cycles = 0.0
 
     def connect(self) -> Port:
@@ -85,7 +87,8 @@ class SimulatedLathe:
     def mount(self, job: Job) -> None:
         """Clamp a new blank for `job`."""
         true = self._true
-        middle_mm = true.jaw_face_mm - job.overhang_mm + 0.5 * job.cut_length_mm
+        self._free_end_mm = true.jaw_face_mm - job.overhang_mm
+        middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
         self._part = Workpiece(true.blank(job), (middle_mm,), true.wiper_land_mm)
         self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
 
@@ -94,6 +97,27 @@ class SimulatedLathe:
         if self._part is None:
             raise RuntimeError("no part is mounted")
         return measure_released(self._part, MID_LENGTH, self._nominal_radius_mm)
+
+    def look(self) -> ShopView:
+        """Look at the chuck, as an operator does who knows nothing of counts and zeros.
+
+        A chuck that was mounted as each job says has its jaw 1 at the index while no part is clamped.
+        """
+        machine, true, part = self._machine, self._true, self._part
+        jaw_1_deg = part.blank.jaw_1_deg if part else true.jaw_1_deg or 0.0
+        return look_at(
+            part,
+            (self._free_end_mm, true.jaw_face_mm),
+            true.home_radius_mm - self._place(machine.tool.motor) / machine.tool.counts_per_mm,
+            self._place(machine.spindle.motor) / machine.spindle.counts_per_rev,
+            self._place(machine.carriage.motor) / machine.carriage.counts_per_mm,
+            jaw_1_deg,
+        )
+
+    def _place(self, motor: int) -> float:
+        """Return where the iron of a motor is, in counts from its flag or index, wherever its zero is."""
+        moved = self.controller.motors[motor]
+        return moved.actual + moved.axis.origin
 
     def _run_block(self) -> None:
         controller, machine = self.controller, self._machine

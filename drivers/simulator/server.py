@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import signal
-import time
 from collections.abc import Callable
 
 from drivers.errors import LinkError
 from drivers.link.address import TcpAddress
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.port import Port
+from drivers.simulator.real_time import UNREAD_LIMIT, ending_signals, keep_time
 from profiles.problem import Problem
-
-TICK_S = 0.005
-MOST_CATCH_UP_S = 0.1
-"""Simulated time made up for in one tick; a host that was asleep for longer loses the rest."""
-
-UNREAD_LIMIT = 1_000_000
-"""Bytes that may wait for a host that does not read before it is cut off."""
 
 
 class _Host(asyncio.Protocol):
@@ -78,10 +70,7 @@ def serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[TcpAddres
 
 
 async def _serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[TcpAddress], None]) -> None:
-    loop = asyncio.get_running_loop()
-    ended = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        loop.add_signal_handler(number, ended.set)
+    loop, ended = asyncio.get_running_loop(), ending_signals()
     hosts: set[_Host] = set()
     try:
         server = await loop.create_server(lambda: _Host(lathe, hosts), address.host, address.port)
@@ -90,29 +79,7 @@ async def _serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[Tc
         raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=reason)) from error
     host, port = server.sockets[0].getsockname()[:2]
     ready(TcpAddress(host=host, port=port))
-    clock = asyncio.create_task(_run_clock(lathe, hosts))
-    ending = asyncio.create_task(ended.wait())
-    await asyncio.wait({clock, ending}, return_when=asyncio.FIRST_COMPLETED)
+    await keep_time(lathe, hosts, ended.wait())
     server.close()
     for connected in tuple(hosts):
         connected.flush()
-    ending.cancel()
-    clock.cancel()
-    if clock.done() and not clock.cancelled():
-        clock.result()
-
-
-async def _run_clock(lathe: SimulatedLathe, hosts: set[_Host]) -> None:
-    """Let simulated time keep up with real time, a tick at a time: between two, hosts and signals are heard."""
-    last = time.monotonic()
-    while True:
-        await asyncio.sleep(TICK_S)
-        now = time.monotonic()
-        behind_s = min(now - last, MOST_CATCH_UP_S)
-        last = now
-        while behind_s > 0.0:
-            lathe.wait(min(behind_s, TICK_S))
-            behind_s -= TICK_S
-            for host in tuple(hosts):
-                host.flush()
-            await asyncio.sleep(0)

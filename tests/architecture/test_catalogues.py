@@ -14,19 +14,26 @@ PACKAGES = ("console", "drivers", "profiles")
 LANGUAGES = ("en", "ko")
 
 CODE = re.compile(
-    r"(file|key|value|schema|job|machine|rule|trace|link|controller|cut|program|response|session|record)"
+    r"(file|key|value|schema|job|machine|rule|trace|link|controller|cut|program|response|session|record"
+    r"|alignment|stop|simulator|screen)"
     r"\.[a-z0-9_]+"
 )
 QUOTED = re.compile(r"`([a-z]+\.[a-z0-9_]+)`")
-NO_CODES = {"controller.variables"}
-"""Looks like a code and is the name of a table of the machine profile."""
+NO_CODES = {"controller.variables", "simulator.ready", "key.help"}
+"""Looks like a code and is a table of the machine profile, or a sentence of its own."""
 
 PROBLEM_FIELDS = {"where", "key", "value", "limit"}
 HIGHEST_CONTROLLER_ERROR = 19
 
 
 def catalogue(language: str) -> dict[str, object]:
-    return tomllib.loads((ROOT / "console" / "text" / f"{language}.toml").read_text(encoding="utf-8"))
+    """All entries of a language; a key that stands in two files would hide one of the sentences."""
+    entries: dict[str, object] = {}
+    for path in sorted((ROOT / "console" / "text" / language).glob("*.toml")):
+        fresh = tomllib.loads(path.read_text(encoding="utf-8"))
+        assert not entries.keys() & fresh.keys(), path
+        entries |= fresh
+    return entries
 
 
 def sources() -> Iterator[tuple[Path, ast.Module]]:

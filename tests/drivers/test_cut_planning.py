@@ -52,10 +52,16 @@ def sampled(moves: list[CheckedMove], motor: int, count: int = 25) -> np.ndarray
 
 
 def cutting_moves(plan: CutPlan, checked_program: CheckedProgram) -> list[CheckedMove]:
-    """The moves in which the carriage feeds at a constant rate: those of the last loop."""
+    """The moves in which the carriage feeds at a constant rate, that of the job; in the first it gathers speed."""
     lines = loop_lines(plan.program.program)
     inside = [move for move in checked_program.moves if move.record.line in lines]
-    feeding = [move for before, move in pairwise(inside) if move.record.target[2] > before.record.target[2]]
+    rate = plan.setup.carriage_per_turn / plan.setup.counts_per_turn
+    feeding = [
+        after
+        for before, after in pairwise(inside)
+        if after.record.target[2] - before.record.target[2]
+        == pytest.approx(rate * (after.record.target[1] - before.record.target[1]), rel=1e-7)
+    ]
     return feeding[1:]
 
 
@@ -131,6 +137,28 @@ def test_pvt_is_continuous_in_position_and_speed_and_ends_at_rest(
             assert np.polyval(np.polyder(old[::-1]), t) == pytest.approx(new[1], abs=1e-6)
     for cubic in pieces[-1].cubics:
         assert np.polyval(np.polyder(cubic[::-1]), pieces[-1].duration_ms) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "rpm"),
+    [
+        (Strategy.PVT, 640.0),
+        (Strategy.PVT, 1000.0),
+        (Strategy.PVT, 2345.7),
+        (Strategy.NONE, 1000.0),
+        (Strategy.NONE, 9000.0),  # a turn of 6.7 ms, shorter than the longest segment
+    ],
+)
+def test_a_cut_is_the_whole_turns_that_it_needs(
+    machine: MachineProfile, experiment: JobMaker, strategy: Strategy, rpm: float
+) -> None:
+    """8 mm and the free run of 0.7 mm at 0.07 mm a turn: 124.3 turns, so 125; within half a segment."""
+    job = replace(experiment(1), feed_mm_per_rev=0.07, spindle_speed_rpm=rpm, lobe_error_um_pp=1.0)
+    plan = plan_cut(job, machine, strategy)
+    feeding = cutting_moves(plan, checked(plan, machine))
+    counts = feeding[-1].record.target[2] - plan.carriage_start
+    half_a_segment = 0.5 * plan.segment_ms * rpm / 60_000.0
+    assert counts / 70.0 == pytest.approx(125, abs=half_a_segment + 1e-6)
 
 
 @pytest.mark.parametrize("strategy", list(Strategy))

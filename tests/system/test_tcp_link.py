@@ -226,6 +226,7 @@ def test_a_stop_does_not_wait_for_a_send_that_is_stuck() -> None:
 )
 def test_an_address_is_read_and_written(text: str, host: str, port: int) -> None:
     address = parse_address(text)
+    assert isinstance(address, TcpAddress)
     assert (address.host, address.port) == (host, port)
     assert str(address) == text
 

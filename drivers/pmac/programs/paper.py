@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import CutSetup
+from drivers.pmac.programs.setup import HOLD_FLAG, CutSetup
 from drivers.pmac.trajectory.linear import Limits, LinearMove, effective_timing
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -20,7 +20,6 @@ DEFAULT_TS_MS = 10
 RUN_UP_MS = 1000
 RETRACT_MS = 200
 RETRACT_COUNTS = 10_000
-FLAG = "M26"
 
 SETTLING_LOBES = 16
 """Lobes from rest after which a move follows one of its own kind: Ix17 looks at the velocity before."""
@@ -75,7 +74,7 @@ def paper_program(job: Job, machine: MachineProfile, setup: CutSetup, ts_ms: int
         "count_um": number(setup.tool_count_um),
         "depth": number(setup.depth),
         "feed": number(per_segment),
-        "moves": 2 * math.ceil(setup.carriage_counts / per_segment / 2),
+        "moves": 2 * job.jaws * setup.whole_turns,
         "run_up": number(2 * lobes),
         "run_up_ms": number(2 * lobes * used_ms),
         "ta": TA_MS,
@@ -85,7 +84,7 @@ def paper_program(job: Job, machine: MachineProfile, setup: CutSetup, ts_ms: int
         "retract_turn": number(RETRACT_MS / used_ms),
         "slow": RUN_UP_MS,
         "slow_ts": RUN_UP_MS // 4,
-        "flag": FLAG,
+        "flag": HOLD_FLAG,
         "program": PROGRAM_NUMBER,
     }
     return _TEXT.format(**values)
@@ -107,21 +106,23 @@ P300={per_turn}/{segments_a_turn} ; spindle counts in one move
 P400=1000/(2*{hz}) ; time of one move, ms
 P500={stroke} ; {error} um over {count_um} um a count
 P600={feed} ; ours: carriage counts in one move
-P610={moves} ; ours: moves to the end of the cut
+P610={moves} ; ours: moves to the end of the cut, whole turns
 P620=P300*{run_up} ; ours: run-up, a whole number of lobes
 P621={run_up_ms} ; ours: its time, ms
-P630=0 ; ours: moves done
 CLOSE
 OPEN PROG {program}
 CLEAR
 LINEAR ; ours
 INC
-{flag}=0 ; ours: the host sets it to end the cut before its time
+{flag}=0 ; ours: the host sets it to end the cut at the end of a turn
+P630=0 ; ours: moves done
+P640=0 ; ours: moves to the end of the present turn
 TA{ta} TS{ts} F50000
 X{depth} ; depth of cut, clear of the part
 TA{slow} TS{slow_ts} TM(P621) Y(P620) ; ours: run-up
 TA{ta} TS{ts} ; ours: back to the times of the cut
-WHILE({flag}=0 AND P630<P610) ; ours: the count of moves
+WHILE(P630<P640 OR {flag}=0 AND P630<P610) ; ours: the count of moves
+IF(P630=P640) P640=P640+{segments_a_turn} ; ours
 P630=P630+2 ; ours
 P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(P500) Z(P600) ; Z is ours
 P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(-P500) Z(P600)

@@ -2,6 +2,10 @@
 
 PVT passes through every point, and the angle of each segment is calculated from its number, so that nothing
 is rounded from turn to turn. Segment times are whole milliseconds, as this controller needs them.
+
+The cut is whole turns, counted from the start of the feed, each ended at the segment that is nearest to its end.
+Then the tool goes out from wherever the lobe has it: the path goes on, and is faded into the retracted position.
+So at no angle is the tool further in than the path would have had it.
 """
 
 from __future__ import annotations
@@ -13,12 +17,11 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import CutSetup, refuse_endless
+from drivers.pmac.programs.setup import HOLD_FLAG, CutSetup, refuse_endless
 from profiles.compensation import Sinusoid
 from profiles.job import Job
 
 PROGRAM_NUMBER = 2
-FLAG = "M26"
 
 INTERPOLATION_LIMIT_UM = 0.05
 """What the cubics between the points may differ from the sinusoid."""
@@ -37,7 +40,8 @@ class PvtTiming:
     segment_ms: int
     approach_ms: int
     ramp_segments: int
-    cut_segments: int
+    retract_segments: int
+    turn_segments: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,16 +101,19 @@ def pvt_timing(job: Job, setup: CutSetup, command: Sinusoid) -> PvtTiming:
     Raises:
         ProblemError: `program.too_long`.
     """
-    segment_ms = longest_segment_ms(command, job.lobe_frequency_hz)
-    way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
     turn_ms = 60_000.0 / job.spindle_speed_rpm
-    cut_segments = math.ceil(setup.turns * turn_ms / segment_ms)
-    refuse_endless(cut_segments)
+    # The end of a turn is looked for once in a segment.
+    segment_ms = max(1, min(longest_segment_ms(command, job.lobe_frequency_hz), math.floor(turn_ms)))
+    way_mm = (setup.surface + setup.depth - setup.retracted) * setup.tool_count_um / 1000.0
+    approach_ms = math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
+    turn_segments = turn_ms / segment_ms
+    refuse_endless(setup.whole_turns * turn_segments)
     return PvtTiming(
         segment_ms=segment_ms,
-        approach_ms=math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0),
+        approach_ms=approach_ms,
         ramp_segments=math.ceil(SETTLE_MS / segment_ms),
-        cut_segments=cut_segments,
+        retract_segments=math.ceil(approach_ms / segment_ms),
+        turn_segments=turn_segments,
     )
 
 
@@ -146,12 +153,15 @@ def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
         "z": number(setup.carriage_start),
         "spindle_start": number(setup.spindle_start),
         "ramp": timing.ramp_segments,
-        "all": timing.ramp_segments + timing.cut_segments,
+        "turns": setup.whole_turns,
+        "turn": number(timing.turn_segments),
+        "out_segments": timing.retract_segments,
+        "out_ms": timing.retract_segments * timing.segment_ms,
         "before": number(spindle * before_ms),
         "half": HALF_RUN_UP_MS,
         "approach": timing.approach_ms,
         "segment": timing.segment_ms,
-        "flag": FLAG,
+        "flag": HOLD_FLAG,
         "program": PROGRAM_NUMBER,
     }
     return _TEXT.format(**values)
@@ -172,14 +182,15 @@ P19={feed_speed} ; carriage speed, counts/s
 P20={out} ; tool retracted
 P21={z} ; carriage clear of the part
 P22={spindle_start} ; spindle at the start
-P23={all} ; segments up to the end of the cut
+P23={turns} ; turns of the cut
 P24={ramp} ; segments in which the amplitude grows
 P28=P22+{before} ; spindle at the first segment
+P32={turn} ; segments in one turn
 CLOSE
 OPEN PROG {program}
 CLEAR
 ABS
-{flag}=0 ; the host sets it to end the cut before its time
+{flag}=0 ; the host sets it to end the cut at the end of a turn
 PVT{half} ; the spindle runs up
 X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
 X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
@@ -187,27 +198,41 @@ PVT{approach} ; the tool goes to its mean depth, clear of the part
 X(P11):0 Y(P28):(P17) Z(P21):0
 PVT{segment} ; the amplitude grows
 P25=0
-P29=P21
-P33=0
-WHILE({flag}=0 AND P25<P24)
+WHILE(P25<P24)
 P25=P25+1
 P26=P25/P24
 P27=P14+P13*P25
 X(P11+P12*P26*COS(P27)):(-P15*P26*SIN(P27)) Y(P28+P16*P25):(P17) Z(P21):0
 ENDWHILE
-WHILE({flag}=0 AND P25<P23)
+P30=0 ; turns begun
+P31=P25 ; the segment in which the present turn ends
+WHILE(P25<P31 OR {flag}=0 AND P30<P23)
+IF(P25!<P31)
+P30=P30+1
+P31=P24-0.5+P30*P32
+ENDIF
 P25=P25+1
 P27=P14+P13*P25
-P29=P21+P18*(P25-P24)
-P33=P19
-X(P11+P12*COS(P27)):(-P15*SIN(P27)) Y(P28+P16*P25):(P17) Z(P29):(P19)
+X(P11+P12*COS(P27)):(-P15*SIN(P27)) Y(P28+P16*P25):(P17) Z(P21+P18*(P25-P24)):(P19)
+ENDWHILE
+P29=P21+P18*(P25-P24) ; carriage at the end of the cut
+P33=0
+IF(P30>0) P33=P19
+P34={out_segments} ; the tool goes out, the carriage comes to rest
+WHILE(P34>0)
+P34=P34-1
+P25=P25+1
+P27=P14+P13*P25
+P35=P34/{out_segments} ; from 1 to 0
+P36=P35*P35*(3-2*P35) ; what is left of the path
+P37=P11+P12*COS(P27)-P20
+P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
+X(P20+P37*P36):(P38) Y(P28+P16*P25):(P17) Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 P30=P28+P16*P25
-PVT{approach} ; the tool goes out, the carriage comes to rest
-X(P20):0 Y(P30+P17*{approach}/1000):(P17) Z(P29+P33*{approach}/3000):0
-P30=P30+P17*{approach}/1000
+P29=P29+P33*{out_ms}/3000
 PVT{half} ; the spindle runs down
-X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29+P33*{approach}/3000):0
-X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29+P33*{approach}/3000):0
+X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
+X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
 CLOSE
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from profiles.job import Job
@@ -13,6 +14,12 @@ APPROACH_MM = 0.5
 
 MOST_MOVES = 100_000
 """Moves of a cut that are planned and checked; more would be hours at the lathe."""
+
+HOLD_FLAG = "M26"
+"""What a host sets to 1 to end a cut before its time, at the end of a turn; every program looks at it."""
+
+ROUNDING_TURNS = 1e-6
+"""A cut that needs so much more than whole turns does not need one more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +45,11 @@ class CutSetup:
     def turns(self) -> float:
         """Turns from the start of the feed to the end of the cut."""
         return self.carriage_counts / self.carriage_per_turn
+
+    @property
+    def whole_turns(self) -> int:
+        """The same in whole turns: a program ends its cut at the end of one."""
+        return math.ceil(self.turns - ROUNDING_TURNS)
 
 
 def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0) -> CutSetup:

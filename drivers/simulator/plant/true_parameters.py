@@ -6,11 +6,15 @@ iron has these. Where they differ there is something to find and to learn; by de
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from random import Random
 
 from drivers.simulator.plant.workpiece import Blank
 from profiles.job import Job
 from profiles.machine import MachineProfile
+
+TIP_OFF_BY_UM = 300
+"""How far from its nominal radius the tip of a tool may stand that was clamped by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,8 +25,9 @@ class TrueParameters:
     has reached its peak current. `home_radius_mm` is the radius of the tool tip at the end of its travel,
     `jaw_face_mm` the Z position of the jaw faces, `wiper_land_mm` the length of the tool's flat along Z.
 
-    A part springs back by `lobe_factor` times what its job says, with jaw 1 at `jaw_offset_deg` behind the
-    angle that the job gives.
+    `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
+    is a chuck that was mounted as each job says. A part springs back by `lobe_factor` times what its job says;
+    without a `jaw_1_deg`, jaw 1 is at `jaw_offset_deg` behind the angle that the job gives.
 
     The starts are where the machine was left standing, from its flags and its index: power-up tells the card
     nothing about it. `coast_s` is the time constant with which spindle and carriage run out when their
@@ -38,6 +43,7 @@ class TrueParameters:
     wiper_land_mm: float
     lobe_factor: float = 1.0
     jaw_offset_deg: float = 0.0
+    jaw_1_deg: float | None = None
     tool_start_mm: float = 1.0
     carriage_start_mm: float = 2.0
     spindle_start_turns: float = 0.3456
@@ -45,11 +51,12 @@ class TrueParameters:
 
     def blank(self, job: Job) -> Blank:
         """Return the blank that is clamped for a job."""
+        said_deg = job.lobe_phase_deg + self.jaw_offset_deg
         return Blank(
             radius_mm=job.radius_mm,
             lobe_um_pp=self.lobe_factor * job.lobe_error_um_pp,
             jaws=job.jaws,
-            jaw_1_deg=job.lobe_phase_deg + self.jaw_offset_deg,
+            jaw_1_deg=said_deg if self.jaw_1_deg is None else self.jaw_1_deg,
         )
 
 
@@ -64,4 +71,17 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         home_radius_mm=tool.home_radius_mm,
         jaw_face_mm=machine.carriage.jaw_face_mm,
         wiper_land_mm=tool.wiper_land_mm,
+    )
+
+
+def as_mounted(machine: MachineProfile, random: Random) -> TrueParameters:
+    """Return an ideal lathe set up by hand: chuck at any angle, tool tip near its nominal radius.
+
+    That is what an alignment has to find: the angle in whole hundredths of a degree, the radius in whole um.
+    """
+    off_by_mm = random.randint(-TIP_OFF_BY_UM, TIP_OFF_BY_UM) / 1000.0
+    return replace(
+        ideal(machine),
+        jaw_1_deg=random.randrange(36_000) / 100.0,
+        home_radius_mm=round(machine.tool.home_radius_mm + off_by_mm, 3),
     )

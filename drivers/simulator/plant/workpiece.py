@@ -7,6 +7,7 @@ has a flat parallel to Z, so that successive turns overlap and leave no feed mar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,14 @@ Floats = NDArray[np.float64]
 
 ANGLES = 3600
 """Points of a section, equally spaced from the spindle index."""
+
+ROUGH_PLACES = 24
+"""Places round the part in which it is roughly known along its whole length. No spindle jumps over one of them in
+a servo cycle."""
+
+ROUGH_LENGTH_MM = 0.5
+"""Least length of such a place along Z. It is never shorter than the land, so a tool that feeds no more than its
+land a turn meets every place."""
 
 CHUNK = 4096
 REACH = 2
@@ -54,6 +63,8 @@ class Workpiece:
         self.blank = blank
         self._sections_mm = tuple(sections_mm)
         self._land_mm = land_mm
+        self._rough_length_mm = max(land_mm, ROUGH_LENGTH_MM)
+        self._rough_mm: dict[int, Floats] = {}
         self._radius_mm = np.full((len(self._sections_mm), ANGLES), blank.radius_mm)
         self._pending: list[tuple[Sequence[float], Sequence[float], Sequence[float]]] = []
         self._count = 0
@@ -73,6 +84,17 @@ class Workpiece:
         clamped_um = (self._radius_mm[section] - nominal_radius_mm) * 1000.0
         return angle_deg, clamped_um + self.blank.spring_back_um(angle_deg)
 
+    def clamped_radius_mm(self, turns: float, z_mm: float) -> float:
+        """Return about how far out the clamped surface is in front of the tool, anywhere along the part.
+
+        A blank is known exactly; where it was cut, the least radius within 15 deg and a land of the tool.
+        """
+        self._settle()
+        rough_mm = self._rough_mm.get(math.floor(z_mm / self._rough_length_mm))
+        if rough_mm is None:
+            return self.blank.radius_mm
+        return float(rough_mm[math.floor(turns * ROUGH_PLACES) % ROUGH_PLACES])
+
     def _settle(self) -> None:
         """Work the samples that have come into the surface."""
         if not self._pending:
@@ -81,9 +103,24 @@ class Workpiece:
         samples = np.concatenate([self._tail, np.stack(fresh)], axis=1)
         self._pending, self._count = [], 0
         self._tail = samples[:, -OVERLAP:]
+        self._turn_down(samples)
         if samples.shape[1] > OVERLAP:
             for surface_mm, section_mm in zip(self._radius_mm, self._sections_mm, strict=True):
                 self._pass(surface_mm, samples, section_mm)
+
+    def _turn_down(self, samples: Floats) -> None:
+        """Lower the rough surface to the tool at every sample in which the spindle turned."""
+        cutting = (np.diff(samples[1], prepend=samples[1, :1]) > 0.0) & (samples[0] < self.blank.radius_mm)
+        if not cutting.any():
+            return
+        radius_mm, turns, z_mm = samples[:, cutting]
+        places = np.mod(np.floor(turns * ROUGH_PLACES).astype(np.int64), ROUGH_PLACES)
+        lengths = np.floor(z_mm / self._rough_length_mm).astype(np.int64)
+        for length in np.unique(lengths).tolist():
+            here = lengths == length
+            if length not in self._rough_mm:
+                self._rough_mm[length] = np.full(ROUGH_PLACES, self.blank.radius_mm)
+            np.minimum.at(self._rough_mm[length], places[here], radius_mm[here])
 
     def _pass(self, surface_mm: Floats, samples: Floats, section_mm: float) -> None:
         """Lower a section to the tool wherever its land went over it, between the samples too."""

@@ -1,0 +1,162 @@
+"""Arm, start, hold and retract: one cut of one part, as the operator asks for it."""
+
+from __future__ import annotations
+
+from functools import partial
+from importlib.metadata import version
+
+from console.session.alignment import problems
+from console.session.errors import SessionError
+from console.session.intents import Arm, Disarm, Retract, Start
+from console.session.interlocks import Interlock, of_job, of_machine, of_program, refuse_unless
+from console.session.progress import CutStage, CutWatch
+from console.session.records import RunRecord
+from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, tool_clear
+from console.session.state import Activity, Armed
+from console.session.workplace import Workplace
+from drivers.cut import CutPlan, plan_cut
+from drivers.snapshot import AxisName, Snapshot
+from profiles.job import Job
+from profiles.problem import Problem
+
+START_WITHIN_S = 10.0
+"""How long after arming a cut may be started."""
+
+AT_START = "at_start"
+
+
+def arm(place: Workplace, order: Arm, job: Job) -> None:
+    """Judge everything, load the program and read it back. Nothing moves; start is allowed for some seconds.
+
+    `job` is that of the order with jaw 1 where it was found.
+
+    Raises:
+        SessionError: every reason why this cut may not start.
+    """
+    place.tell(armed=None)
+    refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
+    machine = place.machine
+    refuse_unless(of_job(job, machine))
+    plan = plan_cut(job, machine, order.strategy)
+    refuse_unless(of_program(plan))
+    place.lathe.load(plan.program)
+    _refuse_unless_ready(place, plan, starting=False)
+    _open_record(place, order, plan)
+    place.plan = plan
+    until_s = place.clock.now_s() + START_WITHIN_S
+    place.tell(armed=Armed(job=job, strategy=order.strategy, plan=plan, until_s=until_s))
+
+
+def disarm(place: Workplace, _: Disarm) -> None:
+    """Take it back."""
+    place.tell(armed=None)
+
+
+def start(place: Workplace, _: Start) -> None:
+    """Go to the start, tool last, look once more at everything, and cut.
+
+    Raises:
+        SessionError: not armed, or what the last look showed.
+        StoppedError: somebody stopped the machine.
+    """
+    armed = place.state.armed
+    if armed is None or place.clock.now_s() > armed.until_s:
+        place.tell(armed=None)
+        raise SessionError(Problem(code="session.not_armed"))
+    place.started = armed
+    place.tell(armed=None, cut_done=False, measured=None)
+    plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine)
+    place.holding = False
+    place.seen = partial(_publish, place, watch, CutStage.POSITION)
+    try:
+        _go_to_start(place, plan)
+        _refuse_unless_ready(place, plan, starting=True)
+        place.note("started", strategy=armed.strategy.value)
+        place.seen = partial(_publish, place, watch, CutStage.RUN_UP)
+        place.tell(activity=Activity.CUTTING)
+        place.lathe.start(plan.program.number)
+        last = place.lathe.follow(partial(_hold_if_asked, place), plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
+    finally:
+        place.seen = None
+    _finish(place, watch, plan, last)
+
+
+def retract(place: Workplace, _: Retract) -> None:
+    """Take the tool out to where it is clear of the part, or by the retract distance where no part is known.
+
+    Raises:
+        DriverError: `machine.retract_direction`, the tool is out already.
+    """
+    snapshot = place.lathe.snapshot()
+    if not snapshot.loops_closed:
+        raise SessionError(Problem(code="machine.retract_not_possible"))
+    tool = place.machine.tool
+    if place.plan is not None:
+        target = place.plan.setup.retracted
+    else:
+        target = max(snapshot.tool.position - tool.retract_mm * tool.counts_per_mm, tool.travel_min_mm)
+    place.lathe.retract(target)
+
+
+def _go_to_start(place: Workplace, plan: CutPlan) -> None:
+    """Tool out first, in again last: beside the part."""
+    lathe = place.lathe
+    if lathe.snapshot().tool.position > plan.setup.retracted:
+        lathe.retract(plan.setup.retracted)
+    lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
+    lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
+    lathe.jog_to(AxisName.TOOL, plan.tool_start)
+
+
+def _refuse_unless_ready(place: Workplace, plan: CutPlan, *, starting: bool) -> None:
+    locks = of_machine(place.lathe.snapshot(), plan, place.lathe.verify())
+    refuse_unless(*(lock for lock in locks if starting or lock.name != AT_START))
+
+
+def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:
+    place.tell(cut=watch.see(snapshot, stage, place.holding))
+
+
+def _hold_if_asked(place: Workplace, _: Snapshot) -> None:
+    """Between two looks of a cut: pass the operator's hold on, once."""
+    if place.hold_asked and not place.holding:
+        place.holding = True
+        place.lathe.hold()
+        place.note("hold")
+
+
+def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) -> None:
+    """The program has ended: say how, and prove that the tool is out."""
+    held = place.holding
+    stage = CutStage.HELD if held else CutStage.DONE
+    figures = watch.figures()
+    ended = watch.see(last, stage, held)
+    place.tell(cut=ended if figures is None else ended.with_figures(figures), cut_done=not held)
+    place.note("held" if held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um)
+    if not last.at_rest or not tool_clear(last, plan):
+        value = f"{last.tool.position:.0f} counts"
+        raise SessionError(Problem(code="machine.not_retracted", key="tool", value=value))
+
+
+def _open_record(place: Workplace, order: Arm, plan: CutPlan) -> None:
+    place.end_record()
+    machine = place.loaded_machine
+    place.record = RunRecord(
+        place.records,
+        {
+            "software": f"trilobe {version('trilobe')}",
+            "job": order.job.name,
+            "job_sha256": order.job_sha256,
+            "machine": machine.machine.name,
+            "machine_sha256": machine.sha256,
+            "simulated": int(place.shop is not None),
+            "strategy": order.strategy.value,
+            "program": plan.text,
+        },
+    )
+    place.note("armed", force_n=order.job.chucking_force_n, jaw_1_deg=_jaw_deg(place))
+
+
+def _jaw_deg(place: Workplace) -> float | None:
+    jaw = place.state.alignment.jaw
+    return None if jaw is None else jaw.angle_deg

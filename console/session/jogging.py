@@ -1,0 +1,89 @@
+"""Steps of a jog: how long they are, how far an axis runs on after a stop, and how near to the work they may go.
+
+Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees of the spindle.
+"""
+
+from __future__ import annotations
+
+import math
+
+from console.session.alignment import Alignment, aligned_machine
+from console.session.orders import counts_per_unit
+from drivers.snapshot import AxisName
+from drivers.travel import LINK_LATENCY_MS
+from profiles.machine import MachineProfile
+
+STEPS_MM = (0.001, 0.01, 0.1, 1.0, 10.0)
+STEPS_DEG = (0.01, 0.1, 1.0, 10.0, 30.0)
+"""One ladder: the same rung counts for every axis, so that no key changes its meaning behind another."""
+
+FIRST_RUNG = 1
+IDLE_S = 30.0
+"""How long jogging stays enabled without a jog."""
+
+BLIND_STEP_MM = 1.0
+"""Longest step toward the work while nobody knows where it is: half of the usual retract distance."""
+
+FEELING_STEP_MM = 0.01
+"""Longest step toward a surface that should be touching already."""
+
+
+def step_of(axis: AxisName, rung: int) -> float:
+    """Return the length of a step on a rung of the ladder, mm or degrees."""
+    return STEPS_DEG[rung] if axis is AxisName.SPINDLE else STEPS_MM[rung]
+
+
+def tool_radius_mm(position_counts: float, machine: MachineProfile, alignment: Alignment) -> float:
+    """Return the radius of the tool tip, by the touch-off or, before it, by the machine profile."""
+    tool = aligned_machine(machine, alignment).tool
+    return tool.home_radius_mm - position_counts / tool.counts_per_mm
+
+
+def longest_in_mm(gap_mm: float | None) -> float:
+    """Return the longest step toward the work that is allowed; `gap_mm` is None before the touch-off."""
+    return BLIND_STEP_MM if gap_mm is None else max(gap_mm, FEELING_STEP_MM)
+
+
+def peak_speed(machine: MachineProfile, axis: AxisName, step: float) -> float:
+    """Return a bound of the speed that a step reaches, counts/ms.
+
+    The jog speed Ix22; less where the way is over before: step / TA with the acceleration time TA (Ix20, at
+    least twice Ix21), and sqrt(Ix19 step), the peak of two ramps at the acceleration limit Ix19.
+    """
+    motor, variables = _motor(machine, axis), machine.controller.variables
+    way = abs(step) * counts_per_unit(machine, axis)
+    ramp_ms = max(variables[f"I{motor}20"], 2.0 * variables[f"I{motor}21"])
+    limit = variables[f"I{motor}19"]
+    bounds = [abs(variables[f"I{motor}22"])]
+    if ramp_ms > 0.0:
+        bounds.append(way / ramp_ms)
+    if limit > 0.0:
+        bounds.append(math.sqrt(limit * way))
+    return min(bounds)
+
+
+def overrun(machine: MachineProfile, axis: AxisName, step: float) -> float:
+    """Return the longest way from the press of a stop in mid-step to rest, mm or degrees.
+
+    v (background period + link latency) + v^2 / (2 a), with the peak speed v of this step and the abort rate
+    a = Ix15: the controller obeys a stop once in a background period. A stop that brakes at least as hard as
+    the step does at its own end (Ix15 >= Ix19) ends within the step; a softer one may go beyond it. Infinite
+    when Ix15 is 0, which never stops a motor.
+    """
+    motor, variables = _motor(machine, axis), machine.controller.variables
+    speed, rate, step_rate = peak_speed(machine, axis, step), variables[f"I{motor}15"], variables[f"I{motor}19"]
+    if rate <= 0.0:
+        return math.inf
+    late_ms = machine.controller.background_ms + LINK_LATENCY_MS
+    way = (speed * late_ms + speed**2 / (2.0 * rate)) / counts_per_unit(machine, axis)
+    return min(way, abs(step)) if rate >= step_rate > 0.0 else way
+
+
+def _motor(machine: MachineProfile, axis: AxisName) -> int:
+    match axis:
+        case AxisName.TOOL:
+            return machine.tool.motor
+        case AxisName.SPINDLE:
+            return machine.spindle.motor
+        case AxisName.CARRIAGE:
+            return machine.carriage.motor

@@ -1,0 +1,228 @@
+"""What each order does with the machine, one function an order. All of it runs in the link thread.
+
+A refusal is a `SessionError` and leaves the machine alone; any other error has the station stop the machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from console.session.alarms import cleared
+from console.session.alignment import Clamping, JawAngle, TouchOff, aligned_job, unclamped
+from console.session.cutting import arm, disarm, retract, start
+from console.session.errors import SessionError
+from console.session.intents import (
+    Approach,
+    Arm,
+    ConfirmClamping,
+    Disarm,
+    Home,
+    Jog,
+    Measure,
+    Recover,
+    Retract,
+    Start,
+    SwitchOff,
+    SwitchOn,
+    TakeJaw,
+    TakeTouchOff,
+    Verify,
+)
+from console.session.interlocks import of_job, refuse_unless
+from console.session.run import FILTER_UPR
+from console.session.sequence import tool_clear
+from console.session.state import Activity, MeasuredPart
+from console.session.workplace import Workplace
+from drivers.cut import Strategy
+from drivers.pmac.programs.setup import cut_setup
+from drivers.snapshot import AxisName
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.roundness import evaluate
+from profiles.rules import Severity, force_as_measured
+
+TOUCH_OFF_BAND_MM = 1.5
+"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
+
+OVER_PART_MM = 2.0
+"""How far behind the face of the part the tool stands for the touch-off."""
+
+
+def verify(place: Workplace, _: Verify) -> None:
+    """Compare the controller with its profile."""
+    place.tell(alignment=replace(place.state.alignment, settings=place.lathe.verify()))
+
+
+def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
+    """Take the operator's word that the blank is clamped; in the simulator, clamp it."""
+    if not place.lathe.snapshot().loops_open:
+        raise SessionError(Problem(code="alignment.drives_on"))
+    refuse_unless(of_job(order.job, place.machine))
+    finding = force_as_measured(order.job)
+    if finding.severity is not Severity.OK:
+        raise SessionError(finding.problem)
+    if place.shop is not None:
+        place.shop.mount(order.job)
+    job = order.job
+    stamp = Clamping(force_n=job.chucking_force_n, diameter_mm=job.diameter_mm, at=place.local_time())
+    alignment = replace(place.state.alignment, clamping=stamp, lost=())
+    place.tell(alignment=alignment, cut=None, cut_done=False, measured=None)
+
+
+def switch_on(place: Workplace, _: SwitchOn) -> None:
+    """Close the loops, on a controller that is set as its profile says."""
+    settings = place.state.alignment.settings
+    if settings is None:
+        raise SessionError(Problem(code="alignment.not_verified"))
+    if settings:
+        raise SessionError(*settings)
+    place.lathe.enable()
+
+
+def switch_off(place: Workplace, _: SwitchOff) -> None:
+    """Open the loops."""
+    place.lathe.switch_off()
+
+
+def home(place: Workplace, _: Home) -> None:
+    """Find the zeros."""
+    _refuse_without_drives(place)
+    place.lathe.home()
+
+
+def approach(place: Workplace, order: Approach) -> None:
+    """Tool out, carriage over the part, tool in to the retract distance."""
+    _refuse_unless_homed(place)
+    machine = place.machine
+    setup = cut_setup(order.job, machine)
+    over_mm = min(OVER_PART_MM, 0.5 * order.job.cut_length_mm)
+    face = (machine.carriage.jaw_face_mm - order.job.overhang_mm) * machine.carriage.counts_per_mm
+    lathe = place.lathe
+    if lathe.snapshot().tool.position > setup.retracted:
+        lathe.retract(setup.retracted)
+    lathe.jog_to(AxisName.CARRIAGE, face + over_mm * machine.carriage.counts_per_mm)
+    lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
+
+
+def jog(place: Workplace, order: Jog) -> None:
+    """One step."""
+    _refuse_unless_homed(place)
+    place.lathe.jog_by(order.axis, order.distance * counts_per_unit(place.machine, order.axis))
+
+
+def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
+    """Return the counts of a millimetre, or of a degree of the spindle."""
+    match axis:
+        case AxisName.TOOL:
+            return machine.tool.counts_per_mm
+        case AxisName.CARRIAGE:
+            return machine.carriage.counts_per_mm
+        case AxisName.SPINDLE:
+            return machine.spindle.counts_per_rev / 360.0
+
+
+def take_jaw(place: Workplace, _: TakeJaw) -> None:
+    """Jaw 1 is where the spindle stands."""
+    _refuse_unless_homed(place)
+    snapshot = place.lathe.snapshot()
+    _refuse_unless_at_rest(snapshot.at_rest)
+    angle_deg = math.fmod(snapshot.spindle.position / counts_per_unit(place.machine, AxisName.SPINDLE), 360.0)
+    stamp = JawAngle(angle_deg=angle_deg % 360.0, at=place.local_time())
+    place.tell(alignment=replace(place.state.alignment, jaw=stamp, lost=()))
+
+
+def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
+    """The tool tip is at this radius where it stands."""
+    _refuse_unless_homed(place)
+    snapshot = place.lathe.snapshot()
+    _refuse_unless_at_rest(snapshot.at_rest)
+    tool = place.loaded_machine.machine.tool
+    zero_mm = order.radius_mm + snapshot.tool.position / tool.counts_per_mm
+    if abs(zero_mm - tool.home_radius_mm) > TOUCH_OFF_BAND_MM:
+        value = f"R {zero_mm:.3f} mm"
+        limit = f"R {tool.home_radius_mm:.3f} ± {TOUCH_OFF_BAND_MM:g} mm"
+        raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
+    stamp = TouchOff(zero_radius_mm=zero_mm, at=place.local_time())
+    place.tell(alignment=replace(place.state.alignment, touch_off=stamp, lost=()))
+
+
+def recover(place: Workplace, _: Recover) -> None:
+    """The operator goes on after a stop; nothing moves, and what moved does not go on."""
+    place.lathe.stop.release()
+    gone = cleared(place.state.alarms, *(alarm.problem.code for alarm in place.state.alarms))
+    place.tell(stop=None, armed=None, alarms=gone)
+    place.lathe.snapshot()
+
+
+def measure(place: Workplace, _: Measure) -> None:
+    """Drives off, chuck open, part on the gauge."""
+    if place.shop is None:
+        raise SessionError(Problem(code="session.no_gauge"))
+    started, plan = place.started, place.plan
+    if plan is None or started is None or not place.state.cut_done:
+        raise SessionError(Problem(code="session.nothing_cut"))
+    snapshot = place.lathe.snapshot()
+    _refuse_unless_at_rest(snapshot.at_rest)
+    if not tool_clear(snapshot, plan):
+        raise SessionError(Problem(code="machine.tool_in_part"))
+    if not snapshot.loops_open:
+        place.lathe.switch_off()
+    trace = place.shop.measure()
+    result = evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
+    part = MeasuredPart(
+        job=started.job,
+        strategy=started.strategy,
+        trace=trace,
+        result=result,
+        jaw_1_deg=started.job.lobe_phase_deg,
+    )
+    place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
+    place.end_record()
+    place.tell(measured=part, cut_done=False, armed=None)
+    if part.strategy is Strategy.NONE:
+        place.tell(uncompensated=part)
+    place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
+
+
+def arm_order(place: Workplace, order: Arm) -> None:
+    """Arm for the job with jaw 1 where it was found."""
+    arm(place, order, aligned_job(order.job, place.state.alignment))
+
+
+def _refuse_without_drives(place: Workplace) -> None:
+    if not place.lathe.snapshot().loops_closed:
+        raise SessionError(Problem(code="alignment.drives_off"))
+
+
+def _refuse_unless_homed(place: Workplace) -> None:
+    _refuse_without_drives(place)
+    if not place.lathe.snapshot().homed:
+        raise SessionError(Problem(code="alignment.not_homed"))
+
+
+def _refuse_unless_at_rest(at_rest: bool) -> None:
+    if not at_rest:
+        raise SessionError(Problem(code="machine.moving"))
+
+
+ORDERS: dict[type[Any], tuple[Activity, Callable[[Workplace, Any], None]]] = {
+    Verify: (Activity.VERIFYING, verify),
+    ConfirmClamping: (Activity.CLAMPING, confirm_clamping),
+    SwitchOn: (Activity.SWITCHING, switch_on),
+    SwitchOff: (Activity.SWITCHING, switch_off),
+    Home: (Activity.HOMING, home),
+    Approach: (Activity.POSITIONING, approach),
+    Jog: (Activity.JOGGING, jog),
+    TakeJaw: (Activity.READY, take_jaw),
+    TakeTouchOff: (Activity.READY, take_touch_off),
+    Arm: (Activity.ARMING, arm_order),
+    Disarm: (Activity.READY, disarm),
+    Start: (Activity.POSITIONING, start),
+    Retract: (Activity.RETRACTING, retract),
+    Recover: (Activity.STOPPED, recover),
+    Measure: (Activity.MEASURING, measure),
+}
+"""What is shown while an order is carried out, and what does it. Hold and Acknowledge wait for no turn."""

@@ -1,0 +1,173 @@
+"""How the cut goes: every look at the machine becomes one immutable value for the screen."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.telemetry import CutFigures, Telemetry
+from drivers.cut import CutPlan
+from drivers.snapshot import Snapshot
+from profiles.compensation import Sinusoid
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+KEPT_LOOKS = 240
+"""Looks that are shown and judged: some eight seconds."""
+
+PHASE_LOOKS = 60
+LEAST_PHASE_LOOKS = 20
+
+PHASE_LIMIT_DEG = 1.0
+"""Spindle degrees by which the tool may be out of phase (1 deg leaves 2.9 um of 55)."""
+
+
+class CutStage(StrEnum):
+    """The stages of a cut in their order."""
+
+    POSITION = "position"
+    RUN_UP = "run_up"
+    CUT = "cut"
+    RETRACT = "retract"
+    DONE = "done"
+    HELD = "held"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutProgress:
+    """One moment of a cut.
+
+    Angles are degrees of the spindle from its index. `angles_deg` and `errors_um` (tool against the wanted path
+    at the spindle angle of that very instant, infeed positive) are the last looks in the part, oldest first,
+    not to be written to. `phase_error_deg` is how much the tool is behind the wanted path, in spindle degrees,
+    None while too little was seen or there is no lobe to be in phase with. `fraction` is that of the cut length.
+    `figures` are those of the whole cut, once it has ended.
+    """
+
+    stage: CutStage
+    holding: bool
+    turn: float
+    turns: float
+    z_mm: float
+    length_mm: float
+    left_s: float
+    speed_rpm: float
+    tool_radius_mm: float
+    infeed_um: float
+    wanted_um: float
+    tool_error_um: float
+    tool_error_peak_um: float
+    following_error_um: float
+    phase_error_deg: float | None
+    angles_deg: NDArray[np.float64]
+    errors_um: NDArray[np.float64]
+    figures: CutFigures | None = None
+
+    @property
+    def fraction(self) -> float:
+        """Share of the cut length that is done, 0 to 1."""
+        return min(max(self.z_mm / self.length_mm, 0.0), 1.0)
+
+    def with_figures(self, figures: CutFigures) -> CutProgress:
+        """Return the moment with the figures of the whole cut."""
+        return replace(self, figures=figures)
+
+
+class CutWatch:
+    """Follows one cut. `see` is called with every look; it belongs to the link thread."""
+
+    def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
+        self._plan, self._job, self._machine = plan, job, machine
+        self._telemetry = Telemetry(plan, machine, job.cut_length_mm)
+        end = plan.carriage_start + plan.setup.carriage_counts
+        self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
+        self._end = end
+        self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
+        self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
+        self._peak_um = 0.0
+        self._last: Snapshot | None = None
+        self._speed_rpm = 0.0
+
+    def see(self, snapshot: Snapshot, stage: CutStage, holding: bool) -> CutProgress:
+        """Take a look into account and return the moment that it shows."""
+        self._telemetry.see(snapshot)
+        self._measure_speed(snapshot)
+        angle_deg = self._angle_deg(snapshot)
+        infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
+        wanted_um = float(self._plan.wanted.at_um(angle_deg))
+        error_um = infeed_um - wanted_um
+        cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
+        if cutting and snapshot.program_running:
+            stage = CutStage.CUT
+            self._looks.append((angle_deg % 360.0, error_um))
+            self._infeeds.append((angle_deg, infeed_um))
+            self._peak_um = max(self._peak_um, abs(error_um))
+        elif stage is CutStage.RUN_UP and self._looks:
+            stage = CutStage.RETRACT
+        return self._moment(snapshot, stage, holding, infeed_um, wanted_um)
+
+    def figures(self) -> CutFigures | None:
+        """Return the figures of the whole cut, None when too little of it was seen."""
+        return self._telemetry.figures()
+
+    def _moment(
+        self, snapshot: Snapshot, stage: CutStage, holding: bool, infeed_um: float, wanted_um: float
+    ) -> CutProgress:
+        machine, job = self._machine, self._job
+        z_mm = (snapshot.carriage.position - self._face) / machine.carriage.counts_per_mm
+        per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
+        angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
+        return CutProgress(
+            stage=stage,
+            holding=holding,
+            turn=max(z_mm, 0.0) / job.feed_mm_per_rev,
+            turns=job.cut_length_mm / job.feed_mm_per_rev,
+            z_mm=min(max(z_mm, 0.0), job.cut_length_mm),
+            length_mm=job.cut_length_mm,
+            left_s=max(job.cut_length_mm - max(z_mm, 0.0), 0.0) / per_s if per_s else 0.0,
+            speed_rpm=self._speed_rpm,
+            tool_radius_mm=machine.tool.home_radius_mm - snapshot.tool.position / machine.tool.counts_per_mm,
+            infeed_um=infeed_um,
+            wanted_um=wanted_um,
+            tool_error_um=infeed_um - wanted_um,
+            tool_error_peak_um=self._peak_um,
+            following_error_um=snapshot.tool.following_error * machine.tool.count_um,
+            phase_error_deg=phase_error_deg(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted),
+            angles_deg=angles,
+            errors_um=errors,
+        )
+
+    def _angle_deg(self, snapshot: Snapshot) -> float:
+        return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
+
+    def _measure_speed(self, snapshot: Snapshot) -> None:
+        before, self._last = self._last, snapshot
+        if before is None or snapshot.at_s <= before.at_s:
+            return
+        turns = (snapshot.spindle.position - before.spindle.position) / self._machine.spindle.counts_per_rev
+        rpm = 60.0 * turns / (snapshot.at_s - before.at_s)
+        # Single looks are known to some milliseconds only: the figure is smoothed over about ten of them.
+        self._speed_rpm = rpm if self._speed_rpm == 0.0 else self._speed_rpm + 0.1 * (rpm - self._speed_rpm)
+
+
+def phase_error_deg(looks: NDArray[np.float64], wanted: Sinusoid) -> float | None:
+    """Return by how many spindle degrees the tool is behind `wanted`.
+
+    `looks` has rows of spindle angle (deg) and infeed (um). The best sine of the lobe's order through the looks
+    (least squares) is compared with the wanted one; None with too few looks, or without a lobe.
+    """
+    if len(looks) < LEAST_PHASE_LOOKS or wanted.amplitude_um == 0.0:
+        return None
+    wave = wanted.lobes * np.radians(looks[:, 0])
+    basis = np.stack([np.ones_like(wave), np.cos(wave), np.sin(wave)], axis=1)
+    _, c, s = np.linalg.lstsq(basis, looks[:, 1], rcond=None)[0]
+    if math.hypot(c, s) < 0.1 * wanted.amplitude_um:
+        return None
+    behind_deg = math.degrees(math.atan2(s, c)) / wanted.lobes - wanted.crest_deg
+    period_deg = 360.0 / wanted.lobes
+    return math.remainder(behind_deg, period_deg)

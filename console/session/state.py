@@ -1,0 +1,130 @@
+"""Everything that a screen may show of the machine, as one immutable value that is replaced, never changed.
+
+Light on purpose: the first page is painted from it before numerics and the link are there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from drivers.simulator.shop_view import ShopView
+
+from console.session.alarms import Alarms
+from console.session.alignment import Alignment
+from drivers.snapshot import Snapshot
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from console.session.progress import CutProgress
+    from drivers.cut import CutPlan, Strategy
+    from profiles.job import Job
+    from profiles.roundness import RoundnessResult
+    from profiles.traces import Trace
+
+
+class Activity(StrEnum):
+    """What the link thread is doing with the machine."""
+
+    CONNECTING = "connecting"
+    READY = "ready"
+    VERIFYING = "verifying"
+    CLAMPING = "clamping"
+    SWITCHING = "switching"
+    HOMING = "homing"
+    JOGGING = "jogging"
+    POSITIONING = "positioning"
+    ARMING = "arming"
+    CUTTING = "cutting"
+    RETRACTING = "retracting"
+    MEASURING = "measuring"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    LOST = "lost"
+
+
+MOVING = frozenset(
+    {
+        Activity.HOMING,
+        Activity.JOGGING,
+        Activity.POSITIONING,
+        Activity.CUTTING,
+        Activity.RETRACTING,
+        Activity.STOPPING,
+    }
+)
+"""Activities in which something moves, or is about to."""
+
+IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
+"""Activities in which the link thread can take an order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopState:
+    """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
+
+    `tool_in_part` is None while it is not known; `can_retract` is whether every loop is closed.
+    """
+
+    reason: str
+    killed: bool
+    sent_s: float
+    rest_s: float | None = None
+    tool_in_part: bool | None = None
+    can_retract: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Armed:
+    """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found."""
+
+    job: Job
+    strategy: Strategy
+    plan: CutPlan
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredPart:
+    """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and what came of it."""
+
+    job: Job
+    strategy: Strategy
+    trace: Trace
+    result: RoundnessResult
+    jaw_1_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationState:
+    """One moment. `at_s` and `looked_s` (the last look that succeeded) are machine time.
+
+    `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last measured part of
+    the same job that was cut without compensation. `refusals` answer the last order, and go with the next.
+    """
+
+    activity: Activity = Activity.CONNECTING
+    simulated: bool = True
+    machine: str = ""
+    address: str = ""
+    controller: str = ""
+    at_s: float = 0.0
+    looked_s: float = 0.0
+    round_trip_ms: float = 0.0
+    snapshot: Snapshot | None = None
+    seen: ShopView | None = None
+    alignment: Alignment = field(default_factory=Alignment)
+    alarms: Alarms = ()
+    refusals: tuple[Problem, ...] = ()
+    stop: StopState | None = None
+    armed: Armed | None = None
+    cut: CutProgress | None = None
+    cut_done: bool = False
+    measured: MeasuredPart | None = None
+    uncompensated: MeasuredPart | None = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether something moves or may move at any moment."""
+        return self.activity in MOVING or (self.snapshot is not None and not self.snapshot.at_rest)

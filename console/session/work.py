@@ -1,0 +1,132 @@
+"""The job in hand: as it is saved, as it is edited, and what was computed of it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from profiles.fields import Field, Kind, fault, spelled
+from profiles.job import JOB_FIELDS, Job
+from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedJob, LoadedMachine, load_job, save_job
+
+if TYPE_CHECKING:
+    from console.session.preview import Preview
+
+STRATEGIES = ("pvt", "paper", "none")
+"""In the order in which a key steps through them; the values of `drivers.cut.Strategy`."""
+
+_FIELDS = {field.key: field for field in JOB_FIELDS}
+
+# Python reads more as a number ("1_000", "1e3", "nan") than an operator would write.
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """One job on one machine. `job` is what would be cut; `loaded` is the file that it came from.
+
+    `preview` belongs to exactly this job and machine, None until it is computed; `preview_problems` say why it
+    cannot be. `undo` are the earlier values of the job, newest last.
+    """
+
+    loaded: LoadedJob
+    machine: LoadedMachine
+    job: Job
+    strategy: str = STRATEGIES[0]
+    preview: Preview | None = None
+    preview_problems: tuple[Problem, ...] = ()
+    undo: tuple[Job, ...] = field(default=())
+
+    @property
+    def edited(self) -> bool:
+        """Whether the job differs from its file."""
+        return self.job != self.loaded.job
+
+
+def opened(loaded: LoadedJob, machine: LoadedMachine) -> Work:
+    """Return the work on a job as it was saved. The force that its error belongs to is pinned from here on."""
+    job = replace(loaded.job, lobe_force_n=loaded.job.error_force_n)
+    return Work(loaded=replace(loaded, job=job), machine=machine, job=job)
+
+
+def parsed(text: str, key: str) -> Any:
+    """Return the value of a field from what was typed: a number with a point or a comma, or a word.
+
+    Raises:
+        ProfileError: `value.ambiguous` for "1,234" and "1.234.5" alike, `value.not_number`, `value.out_of_range`,
+            and the others of `profiles.fields`, with the limits of the field.
+    """
+    field_ = _FIELDS[key]
+    value = text.strip() if field_.kind in (Kind.TEXT, Kind.CHOICE) else _number(text.strip(), field_)
+    code = fault(field_, value)
+    if code:
+        raise ProfileError(Problem(code=code, key=key, value=spelled(value), limit=field_.limit))
+    return value
+
+
+def edited(work: Work, key: str, text: str) -> Work:
+    """Return the work with one field changed; what was computed of the old job is forgotten.
+
+    A value that the operator gives is not an assumed one any more.
+
+    Raises:
+        ProfileError: see `parsed`; the work stays as it is.
+    """
+    value = parsed(text, key)
+    if getattr(work.job, key) == value:
+        return work
+    assumed = tuple(name for name in work.job.assumed if name != key)
+    job = replace(work.job, assumed=assumed, **{key: value})
+    return replace(work, job=job, undo=(*work.undo, work.job), preview=None, preview_problems=())
+
+
+def undone(work: Work) -> Work:
+    """Return the work before its last edit."""
+    if not work.undo:
+        return work
+    return replace(work, job=work.undo[-1], undo=work.undo[:-1], preview=None, preview_problems=())
+
+
+def with_strategy(work: Work, strategy: str) -> Work:
+    """Return the work with another way to lock the tool to the spindle."""
+    return replace(work, strategy=strategy)
+
+
+def saved_as(work: Work, name: str, folder: Path) -> Work:
+    """Save the job under another name in `folder`, made if it is missing, and return the work on that file.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`, and the problems of the job; the work stays as it is.
+    """
+    path = folder / f"{name}.toml"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        problem = Problem(code="file.not_writable", where=str(folder), value=error.strerror or str(error))
+        raise ProfileError(problem) from error
+    save_job(replace(work.job, name=name), path)
+    return with_strategy(opened(load_job(str(path)), work.machine), work.strategy)
+
+
+def _number(text: str, field_: Field) -> float | int | str:
+    """Read what was typed; a text that is no number comes back as it is, for the refusal to quote."""
+    if _ambiguous(text):
+        raise ProfileError(Problem(code="value.ambiguous", key=field_.key, value=text, limit=field_.limit))
+    plain = text.replace(",", ".")
+    if not _NUMBER.fullmatch(plain):
+        return text
+    try:
+        return int(plain) if field_.kind is Kind.WHOLE else float(plain)
+    except ValueError:
+        return text
+
+
+def _ambiguous(text: str) -> bool:
+    """Whether a separator could mean thousands: more than one of them, or a comma before exactly three digits."""
+    separators = [c for c in text if c in ".,"]
+    if len(separators) > 1:
+        return True
+    return separators == [","] and len(text.rpartition(",")[2]) == 3 and text.lstrip("+-")[:1] not in ("0", ",")

@@ -1,0 +1,106 @@
+"""What the link thread works with: the lathe, the chuck and gauge beside it, and the state that it publishes."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from console.session.alarms import Priority, raised
+from console.session.alignment import aligned_machine
+from console.session.records import RunRecord
+from console.session.state import Armed, StationState
+from drivers.clock import Clock
+from drivers.cut import CutPlan
+from drivers.lathe import Lathe
+from drivers.simulator.shop_view import ShopView
+from drivers.snapshot import Snapshot
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.store import LoadedMachine
+from profiles.traces import Trace
+
+
+class ShopFloor(Protocol):
+    """The hands and eyes of a simulated shop: clamp a blank, look at the chuck, take a trace of the part."""
+
+    def mount(self, job: Job) -> None:
+        """Clamp a new blank."""
+
+    def measure(self) -> Trace:
+        """Release the part and measure it."""
+
+    def look(self) -> ShopView:
+        """Return what can be seen at the chuck."""
+
+
+class Workplace:
+    """Everything that one order needs. `state` is replaced by `tell`, from whatever thread.
+
+    `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
+    goes on; `hold_asked` is set by the operator, `holding` when it has been passed on.
+    """
+
+    def __init__(
+        self,
+        *,
+        lathe: Lathe,
+        machine: LoadedMachine,
+        clock: Clock,
+        shop: ShopFloor | None,
+        records: Path,
+        local_time: Callable[[], str],
+    ) -> None:
+        self.lathe = lathe
+        self.loaded_machine = machine
+        self.clock = clock
+        self.shop = shop
+        self.records = records
+        self.local_time = local_time
+        self.plan: CutPlan | None = None
+        self.started: Armed | None = None
+        self.record: RunRecord | None = None
+        self.seen: Callable[[Snapshot], None] | None = None
+        self.hold_asked = False
+        self.holding = False
+        self._lock = threading.Lock()
+        self._state = StationState(simulated=shop is not None, machine=machine.machine.name)
+
+    @property
+    def state(self) -> StationState:
+        """The newest state."""
+        return self._state
+
+    @property
+    def machine(self) -> MachineProfile:
+        """The machine with its tool tip where the touch-off found it."""
+        return aligned_machine(self.loaded_machine.machine, self._state.alignment)
+
+    def tell(self, **changes: Any) -> None:
+        """Publish a state with these fields changed."""
+        with self._lock:
+            self._state = replace(self._state, **changes)
+
+    def alarm(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
+        """Raise an alarm."""
+        with self._lock:
+            alarms = raised(self._state.alarms, problem, priority, self.clock.now_s())
+            self._state = replace(self._state, alarms=alarms)
+
+    def note(self, kind: str, **data: object) -> None:
+        """Add an event to the record of the cut that is going on, if there is one.
+
+        Raises:
+            SessionError: `record.lost`.
+        """
+        if self.record is not None:
+            self.record.add(kind, data)
+
+    def end_record(self) -> None:
+        """The record of this cut is complete."""
+        if self.record is not None:
+            self.record.close()
+            self.record = None

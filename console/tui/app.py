@@ -1,0 +1,312 @@
+"""The application: composition alone. Six fixed rows, one page between them, one gate for every key, one tick."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from datetime import datetime
+from importlib import import_module
+from pathlib import Path
+
+from textual import events
+from textual.app import App, ComposeResult
+from textual.containers import Container
+from textual.driver import Driver
+
+from console.session.control import Control
+from console.text.catalogue import Catalogue
+from console.tui.desk import Desk, View
+from console.tui.driver import StopSent
+from console.tui.frame import Frame, alarm_row, keys_row, next_row, pages_row, state_row, stop_row
+from console.tui.gate import FieldKind, Situation, Verdict, judge
+from console.tui.help import help_lines
+from console.tui.keymap import Action, PageName
+from console.tui.lines import Line, line, wrapped
+from console.tui.page import Page
+from console.tui.previewing import Previewer
+from console.tui.sheet import Sheet
+from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette, Token
+from profiles.problem import Problem, ProblemError
+from profiles.store import LoadedMachine
+
+TICK_S = 0.1
+SMALLEST = (60, 18)
+"""Columns and rows below which no page is shown and nothing can be started."""
+
+PAGE_CLASSES = {
+    PageName.JOBS: ("console.tui.pages.jobs", "JobsPage"),
+    PageName.SETUP: ("console.tui.pages.setup", "SetupPage"),
+    PageName.PREVIEW: ("console.tui.pages.preview", "PreviewPage"),
+    PageName.ALIGN: ("console.tui.pages.align", "AlignPage"),
+    PageName.RUN: ("console.tui.pages.run", "RunPage"),
+    PageName.INSPECT: ("console.tui.pages.inspect", "InspectPage"),
+}
+
+ROWS: dict[str, Callable[[Frame, int], Line]] = {
+    "state": state_row,
+    "alarm": alarm_row,
+    "pages": pages_row,
+    "next": next_row,
+    "stop": stop_row,
+    "keys": keys_row,
+}
+
+
+class ConsoleApp(App[None]):
+    """The console of one machine.
+
+    `begin` is called after the first paint, for everything that can wait for it. `local_time` and `ticking` are
+    for pictures that must not change.
+    """
+
+    CSS = """
+    Screen { layout: vertical; background: $background; color: $foreground; }
+    .row { height: 1; width: 1fr; }
+    #body { height: 1fr; width: 1fr; }
+    .page { height: 1fr; width: 1fr; }
+    #help, #small { height: 1fr; width: 1fr; padding: 1 2; display: none; }
+    .helping #help { display: block; }
+    .helping .page { display: none; }
+    .small .row, .small #body { display: none; }
+    .small #small { display: block; padding: 0; }
+    """
+    ENABLE_COMMAND_PALETTE = False
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-medium"), (160, "-wide")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (30, "-mid"), (48, "-tall")]  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        text: Catalogue,
+        palette: Palette,
+        control: Control,
+        machine: LoadedMachine,
+        data: Path,
+        begin: Callable[[], None] = lambda: None,
+        local_time: Callable[[], datetime] = datetime.now,
+        ticking: bool = True,
+        driver_class: type[Driver] | None = None,
+    ) -> None:
+        super().__init__(driver_class=driver_class)
+        for theme in (DARK_THEME, MONO_THEME):
+            self.register_theme(theme)
+        self.theme = (DARK_THEME if palette is COLOUR else MONO_THEME).name
+        self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
+        self.field_kind = FieldKind.NONE
+        self.desk = Desk(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
+        self._begin = begin
+        self._ui_loop: asyncio.AbstractEventLoop | None = None
+        self._leaving = False
+        self.fault: Exception | None = None
+        self._local_time = local_time
+        self._ticking = ticking
+        self._pages: dict[PageName, Page] = {}
+        self._page = PageName.JOBS
+        self._previewer = Previewer()
+        self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
+        self._help = Sheet(palette, id="help")
+        self._small = Sheet(palette, id="small")
+
+    def compose(self) -> ComposeResult:
+        """Return the rows with the first page between them."""
+        yield from (self._rows[name] for name in ("state", "alarm", "pages"))
+        with Container(id="body"):
+            yield self._made(PageName.JOBS)
+            yield self._help
+        yield from (self._rows[name] for name in ("next", "stop", "keys"))
+        yield self._small
+
+    def on_mount(self) -> None:
+        """Begin to tick."""
+        self._ui_loop = asyncio.get_running_loop()
+        if self._leaving:
+            self.exit()
+        if self._ticking:
+            self.set_interval(TICK_S, self.tick)
+        self.tick()
+        self.call_after_refresh(self._first_paint)
+
+    def _first_paint(self) -> None:
+        """The rows are on the screen; now that the page knows its size, fill it, and begin with what is heavy."""
+        self.tick()
+        self.call_after_refresh(self._begin)
+
+    def leave_soon(self) -> None:
+        """Leave the screen; from a signal handler, at any moment."""
+        self._leaving = True
+        if self._ui_loop is not None:
+            self._ui_loop.call_soon_threadsafe(self.exit)
+
+    def tick(self) -> None:
+        """Show the newest state; the only place where anything live is drawn."""
+        desk = self.desk
+        desk.control.beat()
+        state = desk.control.state
+        if desk.work is not None and self._wants_preview(state.alignment.settings is not None):
+            desk.work = self._previewer.refreshed(desk.work, state.alignment)
+        self.screen.set_class(self._is_small, "small")
+        view = View(state=state, work=desk.work, now_s=desk.control.now_s())
+        page = self._pages[self._page]
+        if self._is_small:
+            self._show_small()
+            return
+        if not self.screen.has_class("helping"):
+            self._safely(lambda: page.show(view))
+        self.field_kind = page.field
+        self._safely(lambda: self._show_rows(page, view))
+
+    def go(self, name: PageName) -> None:
+        """Show another page."""
+        before = self._pages[self._page]
+        if name is not self._page:
+            before.leave()
+            before.display = False
+            self._page = name
+            page = self._made(name)
+            page.display = True
+            if not page.is_attached:
+                self.query_one("#body").mount(page)
+        self.screen.remove_class("helping")
+        self.call_after_refresh(self.tick)
+
+    def stop_now(self, key: str) -> None:
+        """Stop the machine. Called from the thread that reads the terminal, too."""
+        self.desk.control.stop(key)
+
+    def kill_now(self, key: str) -> None:
+        """Open every loop of the machine. Called from the thread that reads the terminal, too."""
+        self.desk.control.kill(key)
+
+    async def on_event(self, event: events.Event) -> None:
+        """Judge every key before anybody else sees it."""
+        if isinstance(event, events.Key) and not event.is_forwarded:
+            if self._took(event):
+                return
+        elif isinstance(event, events.Paste) and not event.is_forwarded and self.field_kind is not FieldKind.TEXT:
+            self._pasted()
+            return
+        await super().on_event(event)
+
+    def on_stop_sent(self, _: StopSent) -> None:
+        """A stop went out; show it at once."""
+        self.tick()
+
+    def action_quit(self) -> None:  # type: ignore[override]
+        """Leave, unless something moves."""
+        if self.desk.control.state.moving:
+            self.desk.said = (Problem(code="screen.quit_moving"),)
+        else:
+            self.exit()
+
+    @property
+    def _is_small(self) -> bool:
+        return self.size.width < SMALLEST[0] or self.size.height < SMALLEST[1]
+
+    def _wants_preview(self, verified: bool) -> bool:
+        """Numerics are loaded once the link thread has done so, or when they are asked for."""
+        return verified or self._page is not PageName.JOBS
+
+    def _made(self, name: PageName) -> Page:
+        if name not in self._pages:
+            module, class_name = PAGE_CLASSES[name]
+            self._pages[name] = getattr(import_module(module), class_name)(self.desk)
+        return self._pages[name]
+
+    def _show_rows(self, page: Page, view: View) -> None:
+        frame = Frame(
+            text=self.desk.text,
+            state=view.state,
+            machine=self.desk.machine.machine,
+            page=self._page,
+            field=page.field,
+            next_step=page.next_step(view),
+            said=self.desk.said,
+            clock=self._local_time(),
+            now_s=view.now_s,
+        )
+        for name, row in ROWS.items():
+            self._rows[name].show([row(frame, self.size.width)])
+
+    def _show_small(self) -> None:
+        text, simulated = self.desk.text, self.desk.control.state.simulated
+        title = text("small.title") if simulated else text("small.real")
+        said = text("small.say", columns=SMALLEST[0], rows=SMALLEST[1])
+        head = line((f" {title} ", Token.SIM if simulated else Token.STRONG))
+        self._small.show([head, *wrapped(said, max(self.size.width, 1))])
+
+    def _took(self, event: events.Key) -> bool:
+        """Do what a key asks for; False when it belongs to the field that has the focus."""
+        page = self._pages[self._page]
+        now = Situation(
+            page=self._page,
+            field=page.field,
+            moving=self.desk.control.state.moving,
+            small=self._is_small,
+        )
+        verdict, action = judge(event.key, event.character, now)
+        match verdict:
+            case Verdict.FIELD:
+                return False
+            case Verdict.STOP:
+                known = event.key in ("space", "escape", "f12")
+                self.stop_now(event.key if known else "unbound")
+            case Verdict.KILL:
+                self.kill_now(event.key)
+            case Verdict.ACTION if action is not None:
+                self.desk.said = ()
+                self._do(action, page)
+        self.call_after_refresh(self.tick)
+        return True
+
+    def _do(self, action: Action, page: Page) -> None:
+        kind, _, rest = action.id.partition(".")
+        if kind == "page":
+            self.go(PageName(rest))
+        elif action.id == "help":
+            self._help.show(help_lines(self.desk.text, self._page))
+            self.screen.toggle_class("helping")
+        elif action.id == "close":
+            self.screen.remove_class("helping")
+        elif action.id == "quit":
+            self.action_quit()
+        elif action.id == "recover":
+            self._post_recover()
+        elif action.id == "acknowledge":
+            self._post_acknowledge()
+        else:
+            self.screen.remove_class("helping")
+            self._safely(lambda: page.act(action.id))
+
+    def _post_recover(self) -> None:
+        from console.session.intents import Recover  # not needed for the first paint, as below
+
+        if self.desk.control.state.stop is not None:
+            self.desk.control.post(Recover())
+
+    def _post_acknowledge(self) -> None:
+        from console.session.intents import Acknowledge
+
+        self.desk.control.post(Acknowledge())
+
+    def _safely(self, work: Callable[[], None]) -> None:
+        """Do what one page does. Its faults are its own: the rows, the stop and the machine go on without it."""
+        try:
+            work()
+        except ProblemError as error:
+            self.desk.said = tuple(error.problems)
+        except Exception as fault:
+            what = " ".join(f"{type(fault).__name__}: {fault}".split())
+            self.desk.said = (Problem(code="session.fault", value=what),)
+
+    def _handle_exception(self, error: Exception) -> None:
+        """Leave without a traceback; `fault` is told in one line when the terminal is the operator's again.
+
+        The name is Textual's, which has no public place for this.
+        """
+        self.fault = self.fault or error
+        self.exit(return_code=1)
+
+    def _pasted(self) -> None:
+        """What is pasted outside a text was not typed: it does nothing, and stops what moves."""
+        if self.desk.control.state.moving:
+            self.stop_now("unbound")

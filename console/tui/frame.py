@@ -1,0 +1,153 @@
+"""The six rows that never move and are never covered, as pure functions from the view to one line each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from console.session.alarms import Priority, foremost
+from console.session.state import Activity, StationState
+from console.text.catalogue import Catalogue
+from console.tui.gate import FieldKind
+from console.tui.keymap import PageName, actions_of
+from console.tui.lines import Line, dim, fitted, line, ranged, width_of
+from console.tui.theme import Token
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+STALE_S = 1.0
+"""Age from which a state is shown as old."""
+
+_MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """What the rows are made of. `said` answers the last key; `clock` is local time; `now_s` machine time."""
+
+    text: Catalogue
+    state: StationState
+    machine: MachineProfile
+    page: PageName
+    field: FieldKind
+    next_step: Line
+    said: tuple[Problem, ...]
+    clock: datetime
+    now_s: float
+
+
+def state_row(frame: Frame, width: int) -> Line:
+    """SIM, the machine, what it does, how old that is, and the time."""
+    text, state = frame.text, frame.state
+    head: list[tuple[str, Token]] = (
+        [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else []
+    )
+    attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
+    token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
+    activity = text(f"activity.{state.activity}")
+    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.phase_error_deg is not None:
+        activity = f"{activity} · {text('frame.in_sync')}"
+    left = (*head, (f"{state.machine} · ", Token.DIM), (activity, token))
+    return ranged(left, (*_age(frame), dim(f"   {frame.clock:%H:%M} ")), width)
+
+
+def _age(frame: Frame) -> Line:
+    """How long the last look took, or how long ago it was."""
+    state = frame.state
+    if state.snapshot is None:
+        return (dim(frame.text("frame.no_link")),)
+    age_s = frame.now_s - state.looked_s
+    if age_s > STALE_S:
+        return ((frame.text("frame.stale", age=f"{age_s:.0f}"), Token.WARNING),)
+    return (dim(frame.text("frame.link", ms=f"{state.round_trip_ms:.0f}")),)
+
+
+def alarm_row(frame: Frame, width: int) -> Line:
+    """The alarm that wants attention most, with how many there are; else the answer to the last key."""
+    text, alarms = frame.text, frame.state.alarms
+    alarm = foremost(alarms)
+    if alarm is not None and not alarm.acknowledged:
+        said = f" {_MARKS[alarm.priority]} {text.problem(alarm.problem)}"
+        more = text("frame.acknowledge", count=len(alarms))
+        return ranged(((said, Token.ALARM),), ((f" {more} ", Token.ALARM),), width)
+    answer = frame.said or frame.state.refusals
+    if answer:
+        more = f" +{len(answer) - 1}" if len(answer) > 1 else ""
+        return line((fitted(f" – {text.problem(answer[0])}{more}", width), Token.WARNING))
+    if alarm is not None:
+        return line((fitted(f" {_MARKS[alarm.priority]} {text.problem(alarm.problem)}", width), Token.WARNING))
+    return line(dim(f" · {text('frame.no_alarms')}"))
+
+
+def pages_row(frame: Frame, width: int) -> Line:
+    """The numbered pages."""
+    pieces: list[tuple[str, Token]] = []
+    for number, page in enumerate(PageName, start=1):
+        name = f" {number} {frame.text(f'page.{page}')} "
+        pieces.append((name, Token.SELECTED if page is frame.page else Token.DIM))
+    spare = width - width_of(tuple(pieces))
+    return (*pieces, dim(" " * max(spare, 0)))
+
+
+def next_row(frame: Frame, width: int) -> Line:
+    """The one obvious next thing to do."""
+    text, state = frame.text, frame.state
+    step: Line = frame.next_step
+    if state.activity is Activity.LOST:
+        step = line((text("frame.lost"), Token.ACTION))
+    elif state.activity is Activity.CONNECTING:
+        step = line(dim(text("frame.connecting")))
+    elif state.stop is not None:
+        key = "frame.recover" if state.stop.rest_s is not None else "frame.stopping"
+        step = line((text(key, reason=_reason(text, state.stop.reason)), Token.ACTION))
+    return ranged((((" ▶ "), Token.ACTION), *step), (), width)
+
+
+def stop_row(frame: Frame, width: int) -> Line:
+    """The stop key, and what a stop would and would not do now."""
+    text, state = frame.text, frame.state
+    key = text("frame.stop_in_text") if frame.field is FieldKind.TEXT else text("frame.stop")
+    left = line((f" {key} ", Token.STOP))
+    return ranged(left, (_stop_tells(text, state, frame.machine),), width)
+
+
+def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
+    stop = state.stop
+    if stop is not None and stop.rest_s is None:
+        return f"{text('frame.stop_sent')} ", Token.WARNING
+    if stop is not None and stop.rest_s is not None:
+        how = text("frame.by_kill" if stop.killed else "frame.by_ramp")
+        return f"{text('frame.at_rest_after', seconds=f'{stop.rest_s - stop.sent_s:.1f}', how=how)} ", Token.TEXT
+    if state.activity is Activity.CUTTING and state.cut is not None:
+        seconds = spindle_stop_s(machine, state.cut.speed_rpm)
+        return f"{text('frame.spindle_needs', seconds=f'{seconds:.1f}')} ", Token.TEXT
+    if state.moving:
+        return f"{text('frame.moving')} ", Token.STRONG
+    if state.snapshot is None:
+        return f"{text('frame.not_known')} ", Token.DIM
+    return f"{text('frame.at_rest')} ", Token.DIM
+
+
+def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
+    """Return the time from this speed to rest at the abort rate Ix15 of the spindle motor, counts/ms2."""
+    counts_per_ms = abs(speed_rpm) * machine.spindle.counts_per_rev / 60_000.0
+    return counts_per_ms / machine.controller.variables[f"I{machine.spindle.motor}15"] / 1000.0
+
+
+def keys_row(frame: Frame, width: int) -> Line:
+    """The keys of the page, as far as they fit; all of them are on the help page."""
+    pieces: list[tuple[str, Token]] = [(" ", Token.TEXT)]
+    helping = [("?", Token.KEY), (f" {frame.text('key.help')}", Token.DIM)]
+    room = width - 1 - width_of(tuple(helping))
+    for action in actions_of(frame.page):
+        fresh = [(action.shown, Token.KEY), (f" {frame.text(f'key.{action.id}')}  ", Token.DIM)]
+        room -= width_of(tuple(fresh))
+        if room < 0:
+            break
+        pieces += fresh
+    return (*pieces, *helping)
+
+
+def _reason(text: Catalogue, reason: str) -> str:
+    """A key is named as it is written, anything else as it is."""
+    return text(f"stop_reason.{reason}") if reason in ("space", "escape", "f9", "f12", "unbound") else reason

@@ -1,0 +1,85 @@
+"""The first decision about every key: is it a stop, does it write into a field, or does it belong to the page?
+
+Pure, and asked twice: in the thread that reads the terminal, which stops the machine without waiting for the
+screen, and in the application, which does the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from console.tui.keymap import KILL_KEYS, STOP_KEYS, Action, PageName, action_of
+
+NUMBER_CHARACTERS = frozenset("0123456789+-.,")
+FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
+HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
+
+
+class FieldKind(Enum):
+    """What has the keys: nothing, a field of numbers, or one of free text."""
+
+    NONE = auto()
+    NUMBER = auto()
+    TEXT = auto()
+
+
+class Verdict(Enum):
+    """What becomes of a key."""
+
+    STOP = auto()
+    KILL = auto()
+    FIELD = auto()
+    ACTION = auto()
+    NOTHING = auto()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """What a key is judged by. `small`: the terminal is too small for a page, nothing may be moved."""
+
+    page: PageName
+    field: FieldKind = FieldKind.NONE
+    moving: bool = False
+    small: bool = False
+
+
+def stops_at_once(key: str, field: FieldKind) -> bool:
+    """Whether a key is a stop whatever the machine does. Space writes a space in free text; F12 stops there."""
+    if key == "space":
+        return field is not FieldKind.TEXT
+    return key in STOP_KEYS
+
+
+def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Action | None]:
+    """Return what becomes of a key, with its action.
+
+    While something moves, a key that means nothing is a stop, and so is an Alt-key, which may hide an Escape.
+    """
+    if stops_at_once(key, now.field):
+        return Verdict.STOP, None
+    if key in KILL_KEYS:
+        return Verdict.KILL, None
+    if _writes(key, character, now.field):
+        return Verdict.FIELD, None
+    action = action_of(key, character, now.page)
+    if action is not None and not (now.small and action.id != "quit"):
+        return Verdict.ACTION, action
+    if now.moving and not _modifier_alone(key):
+        return Verdict.STOP, None
+    return Verdict.NOTHING, None
+
+
+def _writes(key: str, character: str | None, field: FieldKind) -> bool:
+    if field is FieldKind.NONE:
+        return False
+    if key in FIELD_KEYS:
+        return True
+    if field is FieldKind.NUMBER:
+        return character in NUMBER_CHARACTERS
+    return character is not None and character.isprintable()
+
+
+def _modifier_alone(key: str) -> bool:
+    """Newer terminals report Shift and its like as keys of their own ("left_shift")."""
+    return key.removeprefix("left_").removeprefix("right_") in HARMLESS_KEYS

@@ -1,0 +1,115 @@
+"""Every key of the program, once: what it does, where, and whether it can move the machine.
+
+A key is bound by its Textual name ("f5", "up") or, where it writes something, by its character, so that a Hangul
+layout works as well: a letter has the jamo of the same place beside it. Nothing that moves is on a letter or
+on Enter. Stop is not a binding like the others: it is decided first, in `gate.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class PageName(StrEnum):
+    """The pages in their order; the digit of a page is its place."""
+
+    JOBS = "jobs"
+    SETUP = "setup"
+    PREVIEW = "preview"
+    ALIGN = "align"
+    RUN = "run"
+    INSPECT = "inspect"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Action:
+    """One action. Its words are `key.<id>` in the catalogues; `shown` is how its keys are written."""
+
+    id: str
+    keys: tuple[str, ...]
+    shown: str
+    page: PageName | None = None
+    moves: bool = False
+
+
+STOP_KEYS = ("space", "escape", "f12")
+"""Space and F12 anywhere but in free text, where it is F12; Escape second: a terminal may lose it."""
+
+KILL_KEYS = ("f9",)
+
+_EVERYWHERE = (
+    *(
+        Action(id=f"page.{page}", keys=(str(number),), shown=str(number))
+        for number, page in enumerate(PageName, start=1)
+    ),
+    Action(id="recover", keys=("f2",), shown="F2"),
+    Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
+    Action(id="help", keys=("?", "f1"), shown="?"),
+    Action(id="quit", keys=("ctrl+q",), shown="^Q"),
+    Action(id="close", keys=("backspace",), shown="⌫"),
+)
+
+_JOBS = (
+    Action(id="jobs.open", keys=("enter",), shown="Enter", page=PageName.JOBS),
+    Action(id="jobs.up", keys=("up",), shown="↑", page=PageName.JOBS),
+    Action(id="jobs.down", keys=("down",), shown="↓", page=PageName.JOBS),
+)
+
+_SETUP = (
+    Action(id="setup.edit", keys=("enter",), shown="Enter", page=PageName.SETUP),
+    Action(id="setup.next", keys=("tab", "down"), shown="↓", page=PageName.SETUP),
+    Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", page=PageName.SETUP),
+    Action(id="setup.undo", keys=("u", "ㅕ"), shown="u", page=PageName.SETUP),
+    Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s", page=PageName.SETUP),
+)
+
+_PREVIEW = (
+    Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c", page=PageName.PREVIEW),
+    Action(id="preview.program", keys=("p", "ㅔ"), shown="p", page=PageName.PREVIEW),
+    Action(id="preview.up", keys=("up", "pageup"), shown="↑", page=PageName.PREVIEW),
+    Action(id="preview.down", keys=("down", "pagedown"), shown="↓", page=PageName.PREVIEW),
+)
+
+_ALIGN = (
+    Action(id="align.step", keys=("f4",), shown="F4", page=PageName.ALIGN, moves=True),
+    Action(id="align.take", keys=("enter",), shown="Enter", page=PageName.ALIGN),
+    Action(id="align.enable", keys=("j", "ㅓ"), shown="j", page=PageName.ALIGN),
+    Action(id="align.in", keys=("down",), shown="↓", page=PageName.ALIGN, moves=True),
+    Action(id="align.out", keys=("up",), shown="↑", page=PageName.ALIGN, moves=True),
+    Action(id="align.chuck", keys=("left",), shown="←", page=PageName.ALIGN, moves=True),
+    Action(id="align.tail", keys=("right",), shown="→", page=PageName.ALIGN, moves=True),
+    Action(id="align.forward", keys=("pageup",), shown="PgUp", page=PageName.ALIGN, moves=True),
+    Action(id="align.backward", keys=("pagedown",), shown="PgDn", page=PageName.ALIGN, moves=True),
+    Action(id="align.larger", keys=("+", "="), shown="+", page=PageName.ALIGN),
+    Action(id="align.smaller", keys=("-",), shown="-", page=PageName.ALIGN),
+    Action(id="align.off", keys=("f3",), shown="F3", page=PageName.ALIGN),
+)
+
+_RUN = (
+    Action(id="run.arm", keys=("f5",), shown="F5", page=PageName.RUN),
+    Action(id="run.start", keys=("f6",), shown="F6", page=PageName.RUN, moves=True),
+    Action(id="run.hold", keys=("f7",), shown="F7", page=PageName.RUN, moves=True),
+    Action(id="run.retract", keys=("f8",), shown="F8", page=PageName.RUN, moves=True),
+)
+
+_INSPECT = (
+    Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m", page=PageName.INSPECT),
+    Action(id="inspect.next", keys=("enter",), shown="Enter", page=PageName.INSPECT),
+)
+
+ACTIONS: tuple[Action, ...] = (*_EVERYWHERE, *_JOBS, *_SETUP, *_PREVIEW, *_ALIGN, *_RUN, *_INSPECT)
+
+
+def action_of(key: str, character: str | None, page: PageName) -> Action | None:
+    """Return what a key does on a page, None where it does nothing."""
+    names = {key, character}
+    for action in ACTIONS:
+        if action.page in (None, page) and names & set(action.keys):
+            return action
+    return None
+
+
+def actions_of(page: PageName) -> tuple[Action, ...]:
+    """Return the actions of one page alone."""
+    return tuple(action for action in ACTIONS if action.page is page)

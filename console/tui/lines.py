@@ -1,0 +1,124 @@
+"""Lines of text as values: pieces with tokens, set into columns by cells (a Hangul syllable is two)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.cells import cell_len, set_cell_size
+from rich.segment import Segment
+from textual.strip import Strip
+
+from console.tui.theme import Palette, Token
+
+Piece = tuple[str, Token]
+Line = tuple[Piece, ...]
+BLANK: Line = ()
+
+
+def line(*pieces: str | Piece) -> Line:
+    """Return a line; a bare text is plain text."""
+    return tuple((piece, Token.TEXT) if isinstance(piece, str) else piece for piece in pieces)
+
+
+def dim(text: str) -> Piece:
+    """Return a piece that wants nothing."""
+    return text, Token.DIM
+
+
+def width_of(pieces: Line) -> int:
+    """Return the width of a line in cells."""
+    return sum(cell_len(text) for text, _ in pieces)
+
+
+def fitted(text: str, width: int) -> str:
+    """Return a text of exactly `width` cells: filled up, or cut with an ellipsis."""
+    if cell_len(text) <= width:
+        return set_cell_size(text, width)
+    return set_cell_size(set_cell_size(text, max(width - 1, 0)) + "…", width) if width > 0 else ""
+
+
+def ranged(left: Line, right: Line, width: int) -> Line:
+    """Return one line with `left` at its left end and `right` at its right end; the left gives way."""
+    room = width - width_of(right)
+    kept: list[Piece] = []
+    for text, token in left:
+        piece = fitted(text, room) if cell_len(text) > room else text
+        room -= cell_len(piece)
+        kept.append((piece, token))
+    return (*kept, (" " * max(room, 0), Token.TEXT), *right)
+
+
+def fact(label: str, value: str, width: int, *, label_width: int, token: Token = Token.TEXT) -> Line:
+    """Return a row of a panel: a dim label, and its value set to the right in what is left of `width`."""
+    room = max(width - label_width, 0)
+    value_width = cell_len(value)
+    shown = fitted(value, room) if value_width > room else " " * (room - value_width) + value
+    return (fitted(label, label_width), Token.DIM), (shown, token)
+
+
+def wrapped(text: str, width: int, token: Token = Token.TEXT) -> list[Line]:
+    """Return a text broken at spaces into lines of at most `width` cells; a longer word is broken anywhere."""
+    lines: list[str] = []
+    current = ""
+    for word in text.split():
+        while True:
+            longer = f"{current} {word}" if current else word
+            if cell_len(longer) <= width:
+                current = longer
+                break
+            if current:
+                lines.append(current)
+                current = ""
+                continue
+            head = _head(word, width)
+            lines.append(head)
+            word = word[len(head) :]
+            if not word:
+                break
+    if current:
+        lines.append(current)
+    return [((text_, token),) for text_ in lines]
+
+
+def to_strip(pieces: Iterable[Piece], width: int, palette: Palette) -> Strip:
+    """Return a strip of exactly `width` cells; every cell has a style."""
+    segments = [Segment(text, palette.style(token)) for text, token in pieces if text]
+    strip = Strip(segments)
+    return strip.adjust_cell_length(width, palette.style(Token.TEXT))
+
+
+def plain(lines: Sequence[Line]) -> str:
+    """Return the text of lines without their tokens."""
+    return "\n".join("".join(text for text, _ in pieces).rstrip() for pieces in lines)
+
+
+def changed(before: Line, after: Line) -> tuple[int, int]:
+    """Return the cells, first and behind the last, in which two lines differ; (0, 0) where they do not."""
+    old, new = _cells(before), _cells(after)
+    length = max(len(old), len(new))
+    old += [_EMPTY] * (length - len(old))
+    new += [_EMPTY] * (length - len(new))
+    places = [place for place in range(length) if old[place] != new[place]]
+    return (places[0], places[-1] + 1) if places else (0, 0)
+
+
+_EMPTY: Piece = (" ", Token.TEXT)
+
+
+def _cells(pieces: Line) -> list[Piece]:
+    """Return one entry for each cell; the second cell of a wide character belongs to the first."""
+    cells: list[Piece] = []
+    for text, token in pieces:
+        for character in text:
+            cells += [(character, token)] * cell_len(character)
+    return cells
+
+
+def _head(word: str, width: int) -> str:
+    """Return the longest beginning of `word` that fits, one character at least."""
+    head = word[:1]
+    for character in word[1:]:
+        if cell_len(head + character) > width:
+            break
+        head += character
+    return head

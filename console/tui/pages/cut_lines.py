@@ -1,0 +1,118 @@
+"""What the page Run says during a cut: how far it is, and how well the tool keeps to the wanted path."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.progress import PHASE_LIMIT_DEG, CutProgress
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, Line, dim, fact, line, ranged, width_of
+from console.tui.pages.align_lines import to_the_right
+from console.tui.plot.scale import nice_limits
+from console.tui.plot.trace_view import Series
+from console.tui.theme import Token
+from profiles.job import Job
+
+LABEL_WIDTH = 14
+BIN_DEG = 10.0
+"""Looks within such an angle are averaged for the polar picture: single ones are too few in a turn."""
+
+LEAST_LIMIT_UM = 2.0
+"""The error axis is never finer than this, so that it keeps still while all is well."""
+
+Floats = NDArray[np.float64]
+
+
+def progress_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
+    """Return turn, Z, time left, and a bar with the share of the length that is done."""
+    percent = f" {100.0 * cut.fraction:3.0f} %"
+    head = text(
+        "run_page.progress",
+        turn=f"{cut.turn:.0f}",
+        turns=f"{cut.turns:.0f}",
+        z=f"{cut.z_mm:.1f}",
+        length=f"{cut.length_mm:.1f}",
+        left=f"{cut.left_s:.0f}",
+    )
+    words = line((head, Token.STRONG))
+    room = width - width_of(words) - len(percent) - 2
+    return ranged(words, line(bar(cut.fraction, min(max(room, 0), 40)), percent), width)
+
+
+def bar(fraction: float, cells: int) -> str:
+    """Return a bar of so many cells."""
+    full = round(min(max(fraction, 0.0), 1.0) * cells)
+    return "■" * full + "□" * (cells - full)
+
+
+def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -> list[Line]:
+    """Return the values of one moment."""
+    wanted_mm = cut.tool_radius_mm + cut.tool_error_um / 1000.0
+    lobe_hz = "–" if job is None else f"{job.jaws * cut.speed_rpm / 60.0:.1f} Hz"
+
+    def row(key: str, value: str) -> Line:
+        return fact(text(f"run_page.live.{key}"), value, width, label_width=LABEL_WIDTH)
+
+    stage = text(f"run_page.stage.{cut.stage}")
+    shown = text("run_page.holding") if cut.holding else stage
+    return [
+        fact(text("run_page.live.stage"), shown, width, label_width=LABEL_WIDTH, token=Token.STRONG),
+        row("speed", f"{cut.speed_rpm:.1f} rpm"),
+        row("lobe", lobe_hz),
+        row("tool", f"R {cut.tool_radius_mm:.4f} mm"),
+        row("wanted", f"R {wanted_mm:.4f} mm"),
+        row("error", f"{cut.tool_error_um:+.2f} um"),
+        row("peak", f"{cut.tool_error_peak_um:.2f} um"),
+        row("following", f"{cut.following_error_um:+.2f} um"),
+        BLANK,
+        *phase_lines(text, cut.phase_error_deg, width),
+    ]
+
+
+def phase_lines(text: Catalogue, phase_deg: float | None, width: int) -> list[Line]:
+    """Return the phase error of the spindle with its limit, and where it stands between its limits."""
+    label = text("run_page.live.phase")
+    limit = text("run_page.limit", limit=f"{PHASE_LIMIT_DEG:.2f}°")
+    if phase_deg is None:
+        value = fact(label, text("run_page.no_phase"), width, label_width=LABEL_WIDTH, token=Token.DIM)
+        return [value, (dim(to_the_right(gauge(None, width - 2), width)),), (dim(to_the_right(limit, width)),)]
+    out = abs(phase_deg) > PHASE_LIMIT_DEG
+    shown = f"{phase_deg:+.2f} °"
+    token = Token.WARNING if out else Token.TEXT
+    if out:
+        shown = f"! {text('run_page.out_of_phase')} {shown}"
+    scale = (to_the_right(gauge(phase_deg / PHASE_LIMIT_DEG, width - 2), width), token)
+    return [
+        fact(label, shown, width, label_width=LABEL_WIDTH, token=token),
+        (scale,),
+        (dim(to_the_right(limit, width)),),
+    ]
+
+
+def gauge(share: float | None, cells: int) -> str:
+    """Return a scale from -limit to +limit with a mark at `share` of the limit; beyond it the mark is an arrow."""
+    half = max((cells - 3) // 2, 1)
+    scale = list("├" + "─" * half + "┼" + "─" * half + "┤")
+    if share is None:
+        return "".join(scale)
+    if abs(share) > 1.0:
+        scale[0 if share < 0 else -1] = "◀" if share < 0 else "▶"
+    else:
+        scale[half + 1 + round(share * half)] = "●"
+    return "".join(scale)
+
+
+def error_series(cut: CutProgress) -> tuple[tuple[Series, ...], tuple[float, float]]:
+    """Return the looks of the last seconds as dots over the spindle angle, and limits in um that hold them all."""
+    most = float(np.max(np.abs(cut.errors_um), initial=LEAST_LIMIT_UM))
+    looks = Series(x=cut.angles_deg, y=cut.errors_um, token=Token.AFTER, dots=True)
+    return (looks,), nice_limits(-most, most)
+
+
+def mean_error_um(cut: CutProgress) -> tuple[Floats, Floats]:
+    """Return the mean tool error by spindle angle: middles of the bins seen, deg, and um (infeed positive)."""
+    bins = np.floor(cut.angles_deg / BIN_DEG).astype(int)
+    seen = np.unique(bins)
+    means = np.array([cut.errors_um[bins == each].mean() for each in seen], dtype=np.float64)
+    return (seen + 0.5) * BIN_DEG, means

@@ -1,0 +1,134 @@
+"""The fields of the set-up form: how a value is written, what is allowed, and what was understood of an entry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from decimal import Decimal
+
+from console.session.work import Work, edited
+from console.text.catalogue import Catalogue
+from profiles.fields import Field, Kind
+from profiles.job import JOB_FIELDS, Job
+from profiles.problem import Problem, ProfileError
+
+FILE_NAME_CAP_CHARACTERS = 60
+_FILE_NAME_CAP_BYTES = 200
+
+_LIMITS = {field.key: field for field in JOB_FIELDS}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormField:
+    """One value of the form. `mark` says before the number what a length is: D, a diameter."""
+
+    key: str
+    heading: str
+    decimals: int = 0
+    mark: str = ""
+
+    @property
+    def rule(self) -> Field:
+        """What the job allows in this field."""
+        return _LIMITS[self.key]
+
+    @property
+    def numeric(self) -> bool:
+        """Whether a number is typed."""
+        return self.rule.kind in (Kind.NUMBER, Kind.WHOLE)
+
+
+FORM: tuple[FormField, ...] = (
+    FormField(key="material", heading="part"),
+    FormField(key="diameter_mm", heading="part", decimals=3, mark="D "),
+    FormField(key="wall_thickness_mm", heading="part", decimals=3),
+    FormField(key="overhang_mm", heading="part", decimals=3),
+    FormField(key="jaws", heading="chuck"),
+    FormField(key="chucking_force_n", heading="chuck", decimals=1),
+    FormField(key="depth_of_cut_mm", heading="cut", decimals=3),
+    FormField(key="feed_mm_per_rev", heading="cut", decimals=3),
+    FormField(key="spindle_speed_rpm", heading="cut", decimals=1),
+    FormField(key="cut_length_mm", heading="cut", decimals=3),
+    FormField(key="roundness_tolerance_um", heading="cut", decimals=1),
+)
+
+_NAMED = {field.key for field in FORM} | {"lobe_error_um_pp"}
+
+
+def number(value: float, decimals: int) -> str:
+    """Return a number with these decimals, or with more where it would be rounded otherwise."""
+    text = f"{value:.{decimals}f}"
+    return text if float(text) == value else format(Decimal(repr(value)), "f")
+
+
+def written(field: FormField, job: Job) -> str:
+    """Return the value of a field without mark and unit, as it could be typed."""
+    value = getattr(job, field.key)
+    return number(value, field.decimals) if field.numeric else str(value)
+
+
+def with_unit(field: FormField, job: Job) -> str:
+    """Return the value of a field with mark and unit: "D 52.000 mm"."""
+    return f"{field.mark}{written(field, job)} {field.rule.unit}".strip()
+
+
+def bounds(field: FormField) -> str:
+    """Return what is allowed in few cells, without the unit: ">0 ≤500"."""
+    rule = field.rule
+    if not field.numeric:
+        return ""
+    pairs = ((">", rule.above), ("≥", rule.at_least), ("≤", rule.at_most))
+    return " ".join(f"{sign}{bound:.10g}" for sign, bound in pairs if bound is not None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """What an entry would do: the work with it, or the problems and the work as it was."""
+
+    work: Work
+    problems: tuple[Problem, ...] = ()
+
+
+def judge(work: Work, field: FormField, typed: str) -> Judged:
+    """Return what was understood of an entry; an empty one keeps the value."""
+    if not typed.strip():
+        return Judged(work=work)
+    try:
+        return Judged(work=edited(work, field.key, typed))
+    except ProfileError as error:
+        return Judged(work=work, problems=tuple(error.problems))
+
+
+def named(problem: Problem, text: Catalogue) -> Problem:
+    """Return the problem with its field as the form calls it."""
+    return replace(problem, key=text(f"setup.{problem.key}")) if problem.key in _NAMED else problem
+
+
+def name_problem(name: str, taken: frozenset[str]) -> Problem | None:
+    """Return why a job cannot be saved under this name; the limit of a taken one is a name that is free."""
+    limit = f"<= {FILE_NAME_CAP_CHARACTERS}"
+    bad = (
+        not name.isprintable()
+        or "/" in name
+        or "\\" in name
+        or name.startswith((".", "-", "~"))
+        or name.lower().endswith(".toml")
+    )
+    if bad:
+        return Problem(code="screen.name_unfit", value=name)
+    try:
+        too_long = len(name) > FILE_NAME_CAP_CHARACTERS or len(name.encode()) > _FILE_NAME_CAP_BYTES
+    except UnicodeEncodeError:
+        return Problem(code="screen.name_unfit", value=name)
+    if too_long:
+        return Problem(code="screen.name_long", value=str(len(name)), limit=limit)
+    if name in taken:
+        return Problem(code="screen.name_taken", value=name, limit=free_name(name, taken))
+    return None
+
+
+def free_name(name: str, taken: frozenset[str]) -> str:
+    """Return the name with the lowest number behind it that makes it free."""
+    place = 2
+    while (free := f"{name[: FILE_NAME_CAP_CHARACTERS - 5]}-{place}") in taken:
+        place += 1
+    return free

@@ -1,0 +1,196 @@
+"""The page Inspect: release the part, measure it, and compare it with the part before compensation."""
+
+from __future__ import annotations
+
+from textual.app import ComposeResult
+from textual.containers import Horizontal, Vertical
+from textual.events import Resize
+
+from console.session.intents import Measure
+from console.session.state import Activity, MeasuredPart, StationState
+from console.tui.desk import Desk, View
+from console.tui.keymap import PageName
+from console.tui.lines import BLANK, Line, line, wrapped
+from console.tui.page import Page
+from console.tui.pages.inspect_lines import (
+    Comparison,
+    caption_lines,
+    compared,
+    harmonic_lines,
+    named,
+    result_lines,
+)
+from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.sheet import Sheet
+from console.tui.theme import Token
+from drivers.cut import Strategy
+from profiles.problem import Problem
+
+ROWS_FOR_PLOTS = 16
+"""Rows of the page below which the table takes the room of the plot."""
+
+_ROOMY_ROWS = 22
+_JAW_1 = "1"
+
+
+class InspectPage(Page):
+    """Before and after on one scale, with every figure as a number beside it."""
+
+    name_ = PageName.INSPECT
+
+    DEFAULT_CSS = """
+    InspectPage {
+        layout: vertical;
+        .panel { border: round $secondary; border-title-color: $foreground; }
+        #inspect-charts { layout: horizontal; height: 1fr; }
+        #inspect-roundness { width: 58%; height: 1fr; }
+        #inspect-numbers { width: 1fr; height: 1fr; }
+        #inspect-polar { height: 1fr; }
+        #inspect-caption { height: 3; }
+        #inspect-result { width: 1fr; height: 10; }
+        #inspect-harmonics { width: 1fr; height: 1fr; }
+        #inspect-message { height: 1fr; padding: 1 2; }
+    }
+    InspectPage.-roomy #inspect-result { height: 14; }
+    InspectPage.-bare #inspect-roundness { display: none; }
+    InspectPage.-bare #inspect-numbers { layout: horizontal; }
+    InspectPage.-bare #inspect-result { height: 1fr; }
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__(desk)
+        palette = desk.palette
+        self._polar = PolarView(palette=palette, id="inspect-polar")
+        self._caption = Sheet(palette, id="inspect-caption")
+        self._result = Sheet(palette, id="inspect-result", classes="panel")
+        self._harmonics = Sheet(palette, id="inspect-harmonics", classes="panel")
+        self._roundness = Vertical(self._polar, self._caption, id="inspect-roundness", classes="panel")
+        self._charts = Horizontal(id="inspect-charts")
+        self._message = Sheet(palette, id="inspect-message")
+        self._view: View | None = None
+        self._seen: Comparison | None = None
+        self._parts: tuple[MeasuredPart | None, MeasuredPart | None] = (None, None)
+        self._harmonics.border_title = desk.text("inspect_page.harmonics")
+        self._charts.display = False
+
+    def compose(self) -> ComposeResult:
+        """Return the plot with its numbers, and a message in their place."""
+        with self._charts:
+            yield self._roundness
+            yield Vertical(self._result, self._harmonics, id="inspect-numbers")
+        yield self._message
+
+    def show(self, view: View) -> None:
+        """Show the last part that was measured."""
+        before, self._view = self._view, view
+        if before is None or _news(before.state) != _news(view.state):
+            self._paint()
+
+    def on_resize(self, event: Resize) -> None:
+        """Make the best of the new size."""
+        height = event.size.height
+        self.set_class(height < ROWS_FOR_PLOTS, "-bare")
+        self.set_class(height >= _ROOMY_ROWS, "-roomy")
+        self.call_after_refresh(self._paint)
+
+    def act(self, action: str) -> None:
+        """Measure the part, or go on to the next one."""
+        if action == "inspect.measure":
+            self._measure()
+        elif action == "inspect.next":
+            self.desk.go(PageName.ALIGN)
+
+    def next_step(self, view: View) -> Line:
+        """Return what comes next: cut, measure, or the next part."""
+        text, state = self.desk.text, view.state
+        if state.activity is Activity.MEASURING:
+            words = text("inspect_page.next_wait")
+        elif state.measured is None:
+            words = text("inspect_page.next_measure") if state.cut_done else text("inspect_page.next_cut")
+        elif state.measured.strategy is Strategy.NONE:
+            words = text("inspect_page.next_compensate")
+        elif state.measured.result.ront_um <= state.measured.job.roundness_tolerance_um:
+            words = text("inspect_page.next_part")
+        else:
+            words = text("inspect_page.next_failed")
+        return line((words, Token.ACTION))
+
+    def _measure(self) -> None:
+        state = self.desk.control.state
+        reason = _refusal(state)
+        if reason is not None:
+            self.desk.said = (reason,)
+            return
+        self.desk.control.post(Measure())
+
+    def _paint(self) -> None:
+        view = self._view
+        if view is None:
+            return
+        state = view.state
+        self._compare(state)
+        self._see(self._message if self._seen is None else self._charts)
+        if self._seen is None:
+            self._message.show(self._message_lines(state))
+            return
+        seen, text, caption = self._seen, self.desk.text, self._caption.size
+        result, harmonics = self._result.size, self._harmonics.size
+        scale = self._polar.scale_um_per_division
+        self._caption.show(caption_lines(seen, scale, text, caption.width))
+        self._result.show(result_lines(seen, state.simulated, text, result.width, result.height))
+        self._harmonics.show(harmonic_lines(seen, text, harmonics.width, harmonics.height))
+
+    def _compare(self, state: StationState) -> None:
+        """Evaluate and draw, once for each pair of parts."""
+        parts = (state.measured, state.uncompensated)
+        if parts[0] is self._parts[0] and parts[1] is self._parts[1]:
+            return
+        self._parts, self._seen = parts, compared(state)
+        if self._seen is not None:
+            self._draw(self._seen)
+
+    def _draw(self, seen: Comparison) -> None:
+        figures = named(seen.part.result, self.desk.text)
+        self._roundness.border_title = self.desk.text("inspect_page.roundness", figures=figures)
+        self._result.border_title = figures
+        sides = [(seen.before, Token.BEFORE)]
+        if seen.after is not None:
+            sides.append((seen.after, Token.AFTER))
+        traces = [
+            PolarTrace(
+                angle_deg=side.angle_deg, deviation_um=side.profile_um, token=token, dashed=token is Token.BEFORE
+            )
+            for side, token in sides
+        ]
+        self._polar.show(traces, marks=[Mark(angle_deg=seen.part.jaw_1_deg, label=_JAW_1)])
+
+    def _see(self, wanted: Horizontal | Sheet) -> None:
+        """Show the numbers or the message, which needs a layout before it knows its size."""
+        if wanted.display:
+            return
+        for each in (self._charts, self._message):
+            each.display = each is wanted
+        if self.is_attached:
+            self.call_after_refresh(self._paint)
+
+    def _message_lines(self, state: StationState) -> list[Line]:
+        text, width = self.desk.text, max(self._message.size.width, 1)
+        lines = wrapped(text("inspect_page.nothing"), width)
+        what = text("inspect_page.how_measure") if state.cut_done else text("inspect_page.how_cut")
+        return [*lines, BLANK, *wrapped(what, width)]
+
+
+def _news(state: StationState) -> tuple[int, int, bool, bool]:
+    """What of a state this page shows; a part is never changed, so it is known by being the same one."""
+    return id(state.measured), id(state.uncompensated), state.cut_done, state.simulated
+
+
+def _refusal(state: StationState) -> Problem | None:
+    """Return why no part can be measured now; the station refuses for the same reasons."""
+    if not state.simulated:
+        return Problem(code="session.no_gauge")
+    if state.moving:
+        return Problem(code="machine.moving")
+    if not state.cut_done:
+        return Problem(code="session.nothing_cut")
+    return None

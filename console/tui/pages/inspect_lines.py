@@ -1,0 +1,220 @@
+"""What the page Inspect shows: the part before and after compensation, compared and in words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.state import MeasuredPart, StationState
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, Line, Piece, dim, fitted, line, ranged, wrapped
+from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
+from console.tui.theme import Token
+from drivers.cut import Strategy
+from profiles.compensation import free_state_lobe
+from profiles.job import Job
+from profiles.roundness import RoundnessResult, centred_profile
+
+FloatArray = NDArray[np.float64]
+
+FRONT_MULTIPLES = 3
+"""Multiples of the number of jaws that stand in front of the other harmonics."""
+
+LEAST_PHASED_UM_PP = 0.1
+"""A lobe that is smaller has no direction worth telling."""
+
+_COLUMN = 9
+_NOTHING = "–"
+_TURN_DEG = np.arange(360.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Side:
+    """One of the two parts that are compared: its profile, um from its circle, at angles with jaw 1 of the page.
+
+    `result` is None for the lobe that the job states: nothing was measured then.
+    """
+
+    angle_deg: FloatArray
+    profile_um: FloatArray
+    ront_um: float
+    result: RoundnessResult | None
+    jaw_1_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Comparison:
+    """The last part against the same part without compensation; `after` is None when that was the last part."""
+
+    part: MeasuredPart
+    before: Side
+    after: Side | None
+
+    @property
+    def improvement_percent(self) -> float | None:
+        """How much of the roundness error is gone, None without two parts."""
+        if self.after is None or self.before.ront_um == 0.0:
+            return None
+        return 100.0 * (self.before.ront_um - self.after.ront_um) / self.before.ront_um
+
+    @property
+    def passes(self) -> bool:
+        """Whether the last part is as round as its job asks."""
+        return self.part.result.ront_um <= self.part.job.roundness_tolerance_um
+
+
+def compared(state: StationState) -> Comparison | None:
+    """Return the comparison of the last measured part, None when nothing is measured."""
+    part, plain = state.measured, state.uncompensated
+    if part is None:
+        return None
+    if part.strategy is Strategy.NONE:
+        return Comparison(part=part, before=_measured(part, part.jaw_1_deg), after=None)
+    known = plain is not None and _same_part(plain.job, part.job)
+    before = _measured(plain, part.jaw_1_deg) if plain is not None and known else _stated(part)
+    return Comparison(part=part, before=before, after=_measured(part, part.jaw_1_deg))
+
+
+def named(result: RoundnessResult, text: Catalogue) -> str:
+    """Return the state, circle and filter that all figures of a result belong to."""
+    upr = result.filter_upr
+    filtered = text("inspect_page.filtered", upr=f"{upr:g}") if upr else text("inspect_page.unfiltered")
+    return " · ".join((text(f"state.{result.state}"), result.reference_circle, filtered))
+
+
+def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
+    """Return what the traces are, their scale, and where jaw 1 is."""
+    before, after = seen.before, seen.after
+    what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
+    lines = [_trace_words((BEFORE_KEY, Token.BEFORE), what, before.ront_um, width)]
+    if after is not None:
+        how = text("inspect_page.measured_after", strategy=seen.part.strategy.value)
+        lines.append(_trace_words((AFTER_KEY, Token.AFTER), how, after.ront_um, width))
+    jaw = text("inspect_page.jaw", angle=f"{seen.part.jaw_1_deg:.1f}")
+    scale = text("inspect_page.scale", value=f"{um_per_division:g}")
+    lines.append(ranged(line(dim(jaw)), line(dim(" " + scale)), width))
+    return lines
+
+
+def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return the table of both parts, what was gained, and the verdict on the last one."""
+    before, after = seen.before, seen.after.result if seen.after else None
+    lines = [_heading(text, width)]
+    lines.append(_columns("RONt", f"{before.ront_um:.2f}", _figure(after, "ront_um"), width, Token.STRONG))
+    for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um")):
+        lines.append(_columns(name, _figure(before.result, key), _figure(after, key), width, Token.TEXT))
+    lines += _gained(seen, text, width)
+    lines += _verdict(seen, text, width)
+    if simulated:
+        lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
+    if height > len(lines) + 1 and before.result is None and seen.after is not None:
+        lines += [BLANK, *wrapped(text("inspect_page.stated_long"), width, Token.DIM)]
+    for problem in seen.part.result.warnings:
+        lines += wrapped("! " + text.problem(problem), width, Token.WARNING)
+    return lines[: max(height, 0)]
+
+
+def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return the harmonics of both parts, those of the jaws first, and where the lobe stands from jaw 1."""
+    jaws, result = seen.part.job.jaws, seen.part.result
+    known = [harmonic.n for harmonic in result.harmonics]
+    front = [jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1) if jaws * multiple in known]
+    lines = [_heading(text, width)]
+    for n in front:
+        lines.append(_harmonic(seen, n, text, width, Token.STRONG))
+    lines.append(_phases(seen, jaws, text, width))
+    for n in known:
+        if n not in front:
+            lines.append(_harmonic(seen, n, text, width, Token.DIM))
+    return lines[: max(height, 0)]
+
+
+def phase_from_jaw_deg(side: Side, n: int) -> float | None:
+    """Return the angle from jaw 1 to the nearest crest of harmonic `n`, signed; None where it says nothing."""
+    if side.result is None:
+        return None
+    found = next((harmonic for harmonic in side.result.harmonics if harmonic.n == n), None)
+    if found is None or 2.0 * found.amplitude_um < LEAST_PHASED_UM_PP:
+        return None
+    return math.remainder(found.phase_deg - side.jaw_1_deg, 360.0 / n)
+
+
+def _measured(part: MeasuredPart, jaw_1_deg: float) -> Side:
+    """A part as it was measured, turned so that its jaw 1 is at an angle; unequal angles stay unfiltered."""
+    trace, result = part.trace, part.result
+    return Side(
+        angle_deg=trace.angle_deg + (jaw_1_deg - part.jaw_1_deg),
+        profile_um=centred_profile(trace.angle_deg, trace.deviation_um, result.filter_upr),
+        ront_um=result.ront_um,
+        result=result,
+        jaw_1_deg=part.jaw_1_deg,
+    )
+
+
+def _stated(part: MeasuredPart) -> Side:
+    lobe = free_state_lobe(replace(part.job, lobe_phase_deg=part.jaw_1_deg))
+    return Side(
+        angle_deg=_TURN_DEG,
+        profile_um=lobe.at_um(_TURN_DEG),
+        ront_um=part.job.lobe_error_um_pp,
+        result=None,
+        jaw_1_deg=part.jaw_1_deg,
+    )
+
+
+def _same_part(one: Job, other: Job) -> bool:
+    """Whether two cuts are of the same job; where jaw 1 was found is no part of it."""
+    return replace(one, lobe_phase_deg=0.0) == replace(other, lobe_phase_deg=0.0)
+
+
+def _trace_words(key: Piece, what: str, ront_um: float, width: int) -> Line:
+    return ranged(line(key, " ", what), line((f" {ront_um:.2f} um", key[1])), width)
+
+
+def _figure(result: RoundnessResult | None, key: str) -> str:
+    return _NOTHING if result is None else f"{getattr(result, key):.2f}"
+
+
+def _heading(text: Catalogue, width: int) -> Line:
+    return _columns("um", text("inspect_page.before"), text("inspect_page.after"), width, Token.DIM)
+
+
+def _columns(name: str, before: str, after: str, width: int, token: Token) -> Line:
+    """One row of a table: a name, and two values in columns of cells."""
+    values = "".join(text for value in (before, after) for text, _ in ranged(BLANK, line(value), _COLUMN))
+    return ranged(line(dim(name)), line((values, token)), width)
+
+
+def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+    percent = seen.improvement_percent
+    if percent is None:
+        return []
+    label = text("inspect_page.improvement") if seen.before.result else text("inspect_page.improvement_stated")
+    return [ranged(line(dim(label)), line(f" {percent:.1f} %"), width)]
+
+
+def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+    facts = {"value": f"{seen.part.result.ront_um:.2f}", "limit": f"{seen.part.job.roundness_tolerance_um:.2f}"}
+    words = text("inspect_page.pass", **facts) if seen.passes else text("inspect_page.fail", **facts)
+    mark, token = ("✓ ", Token.STRONG) if seen.passes else ("✗ ", Token.WARNING)
+    return [line((mark + fitted(words, max(width - 2, 0)), token))]
+
+
+def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Token) -> Line:
+    jaws, before = seen.part.job.jaws, seen.before
+    if before.result is not None:
+        one = f"{2.0 * before.result.amplitude_um(n):.2f}"
+    else:
+        one = f"{before.ront_um:.2f}" if n == jaws else _NOTHING
+    after = seen.after.result if seen.after else None
+    other = _NOTHING if after is None else f"{2.0 * after.amplitude_um(n):.2f}"
+    return _columns(text("inspect_page.harmonic", n=f"{n:>2}"), one, other, width, token)
+
+
+def _phases(seen: Comparison, jaws: int, text: Catalogue, width: int) -> Line:
+    phases = (phase_from_jaw_deg(side, jaws) if side else None for side in (seen.before, seen.after))
+    before, after = (_NOTHING if phase is None else f"{phase:+.1f}°" for phase in phases)
+    return _columns(text("inspect_page.phase", n=jaws), before, after, width, Token.TEXT)

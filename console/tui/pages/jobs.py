@@ -1,0 +1,183 @@
+"""The page Jobs: pick a saved job. It is the first page, and is painted before anything heavy is loaded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from textual.app import ComposeResult
+from textual.content import Content
+
+from console.session.history import LastResults, last_results
+from console.session.paths import jobs_folder
+from console.session.state import Activity, StationState
+from console.session.work import Work, opened
+from console.tui.desk import Desk, View
+from console.tui.keymap import PageName
+from console.tui.lines import Line, fitted, line
+from console.tui.page import Page
+from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
+from console.tui.sheet import Sheet
+from console.tui.theme import Token
+from profiles.files import printable
+from profiles.job import Job
+from profiles.problem import Problem, ProfileError
+from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
+
+_NAME_SHOWN = 32
+
+
+class JobsPage(Page):
+    """The saved jobs, and what is known of the selected one."""
+
+    name_ = PageName.JOBS
+    SCOPED_CSS = False  # the classes of the terminal's size stand on the screen
+
+    DEFAULT_CSS = """
+    JobsPage {
+        layout: horizontal;
+        Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
+        .table { width: 58%; height: 1fr; }
+        .summary { width: 1fr; height: 1fr; }
+    }
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__(desk)
+        self._table = Sheet(desk.palette, classes="table")
+        self._summary = Sheet(desk.palette, classes="summary")
+        self._entries: tuple[LibraryEntry, ...] = ()
+        self._fresh = False
+        self._selected = 0
+        self._loaded: dict[str, Loaded] = {}
+        self._results: LastResults = {}
+        self._simulated = True
+        self._warned: tuple[Path, Job] | None = None
+        self._shown: object = None
+
+    def compose(self) -> ComposeResult:
+        """Put the table to the left and the summary to the right."""
+        yield self._table
+        yield self._summary
+
+    def show(self, view: View) -> None:
+        """Show the list; it is read when the page is shown after another one."""
+        if not self._fresh or self._simulated != view.state.simulated:
+            self._simulated = view.state.simulated
+            self._read()
+        self._paint()
+
+    def leave(self) -> None:
+        """Files may have changed by the next time."""
+        self._fresh, self._warned = False, None
+
+    def act(self, action: str) -> None:
+        """Move the selection, or open the selected job."""
+        if action == "jobs.open":
+            self._open()
+        else:
+            self._warned = None
+            last = len(self._entries) - 1
+            self._selected = max(min(self._selected + (1 if action == "jobs.down" else -1), last), 0)
+        self._paint()
+
+    def next_step(self, view: View) -> Line:
+        """Return how to open the selected job, or why it cannot be."""
+        return line((self._next_words(view.state), Token.ACTION))
+
+    def _read(self) -> None:
+        """List the files again; the selection stays on its job, at first it is that in hand."""
+        before = self._jobs.entry
+        wanted = before.path if before else self.desk.work.loaded.path if self.desk.work else None
+        self._entries = list_jobs(jobs_folder(self.desk.data))
+        paths = [entry.path for entry in self._entries]
+        place = paths.index(wanted) if wanted in paths else self._selected
+        self._selected = max(min(place, len(paths) - 1), 0)
+        self._fresh = True
+        self._loaded.clear()
+        self._results = last_results(self.desk.data, simulated=self._simulated)
+        self._shown = None
+
+    def _load(self, entry: LibraryEntry) -> Loaded:
+        """Read a job once; a long list is read as far as it is seen."""
+        if entry.name not in self._loaded:
+            try:
+                self._loaded[entry.name] = load_job(str(entry.path))
+            except ProfileError as error:
+                self._loaded[entry.name] = tuple(error.problems)
+        return self._loaded[entry.name]
+
+    def _open(self) -> None:
+        refused, entry = lock(self.desk.control.state), self._jobs.entry
+        if refused is not None:
+            self.desk.said = (refused,)
+        elif entry is not None:
+            try:
+                self._take(load_job(str(entry.path)))
+            except ProfileError as error:
+                self.desk.said = tuple(error.problems)
+
+    def _take(self, loaded: LoadedJob) -> None:
+        """Take a job in hand. The one that is there keeps its edits; another's are given up at a second Enter."""
+        work = self.desk.work
+        kept = work is not None and work.loaded.path == loaded.path
+        if work is not None and work.edited and not kept and not self._was_warned(loaded, work):
+            self._warned = (loaded.path, work.job)
+            self.desk.said = (Problem(code="screen.edits_unsaved", value=printable(work.job.name)),)
+            return
+        if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
+            self.desk.work = opened(loaded, self.desk.machine)
+        self.desk.go(PageName.SETUP)
+
+    def _was_warned(self, loaded: LoadedJob, work: Work) -> bool:
+        return self._warned == (loaded.path, work.job)
+
+    @property
+    def _jobs(self) -> JobList:
+        return JobList(
+            entries=self._entries,
+            selected=self._selected,
+            load=self._load,
+            results=self._results,
+            simulated=self._simulated,
+        )
+
+    def _paint(self) -> None:
+        work = self.desk.work
+        shown = (
+            self._entries,
+            self._selected,
+            work is not None and work.edited,
+            self._table.size,
+            self._summary.size,
+        )
+        if shown == self._shown:
+            return
+        self._shown = shown
+        jobs, text = self._jobs, self.desk.text
+        entry = jobs.entry
+        edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
+        self._table.show(table_lines(jobs, text, *self._table.size))
+        self._summary.show(summary_lines(jobs, text, self._summary.size.width, edited=edited))
+        self._table.border_title = text("jobs_page.title", count=len(jobs.entries))
+        self._table.border_subtitle = hidden_words(jobs, text, self._table.size.height)
+        # Names of jobs may have brackets in them, which are no markup.
+        self._summary.border_title = Content(printable(entry.name) if entry else "")
+
+    def _next_words(self, state: StationState) -> str:
+        text, entry, refused = self.desk.text, self._jobs.entry, lock(state)
+        if refused is not None:
+            return text("jobs_page.next.moving") if state.moving else text("jobs_page.next.armed")
+        if entry is None:
+            return text("jobs_page.next.none")
+        if not isinstance(self._load(entry), LoadedJob):
+            return text("jobs_page.next.unreadable")
+        return text("jobs_page.next.open", name=fitted(printable(entry.name), _NAME_SHOWN).rstrip())
+
+
+def lock(state: StationState) -> Problem | None:
+    """Return why no job can be opened now, None when one can."""
+    if state.moving:
+        return Problem(code="screen.open_moving")
+    if state.armed is not None or state.activity is Activity.ARMING:
+        return Problem(code="screen.open_armed")
+    return None

@@ -1,0 +1,180 @@
+"""What the page Jobs shows, as lines: the table of the saved jobs, and a summary of one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from rich.cells import cell_len
+
+from console.session.history import LastResult, LastResults
+from console.text.catalogue import Catalogue
+from console.tui.lines import Line, dim, fact, fitted, line, wrapped
+from console.tui.theme import Token
+from profiles.files import printable
+from profiles.job import Job
+from profiles.problem import Problem
+from profiles.store import LibraryEntry, LoadedJob
+
+Loaded = LoadedJob | tuple[Problem, ...]
+"""A job, or why its file cannot be read."""
+
+_NAME_LEAST = 16
+_LABEL = 16
+_SUMMARY_WIDTH = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobList:
+    """The saved jobs, the place of the selected one, and how each is read: only what is seen is."""
+
+    entries: Sequence[LibraryEntry]
+    selected: int
+    load: Callable[[LibraryEntry], Loaded]
+    results: LastResults
+    simulated: bool
+
+    @property
+    def entry(self) -> LibraryEntry | None:
+        """The selected one, None where there are no jobs."""
+        return self.entries[self.selected] if self.entries else None
+
+
+def table_lines(jobs: JobList, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return the header and the rows around the selected job."""
+    if not jobs.entries:
+        return [line(text("jobs_page.none"))][: max(height, 0)]
+    columns = _columns(width, text)
+    name_width = max(width - 2 - sum(cells for _, cells in columns), 1)
+    header = fitted("  " + text("jobs_page.name"), name_width + 2) + "".join(_right(*column) for column in columns)
+    rows = [
+        _row(jobs, place, [cells for _, cells in columns], name_width, text) for place in visible(jobs, height)
+    ]
+    return [(dim(header),), *rows][: max(height, 0)]
+
+
+def visible(jobs: JobList, height: int) -> range:
+    """Return the places of the jobs that are seen in a table of this height, header included."""
+    room = max(height - 1, 1)
+    first = min(max(jobs.selected - room // 2, 0), max(len(jobs.entries) - room, 0))
+    return range(first, min(first + room, len(jobs.entries)))
+
+
+def hidden_words(jobs: JobList, text: Catalogue, height: int) -> str:
+    """Return how many jobs are above and below what is seen, "" when none are."""
+    seen = visible(jobs, height)
+    below = len(jobs.entries) - seen.stop
+    words = []
+    if seen.start:
+        words.append("↑ " + text("jobs_page.above", count=seen.start))
+    if below > 0:
+        words.append("↓ " + text("jobs_page.below", count=below))
+    return "  ".join(words)
+
+
+def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -> list[Line]:
+    """Return what is known of the selected job, the most important first."""
+    entry = jobs.entry
+    if entry is None:
+        return []
+    loaded = jobs.load(entry)
+    if not isinstance(loaded, LoadedJob):
+        return _reasons(entry, loaded, text, width)
+    room = min(width, _SUMMARY_WIDTH)
+    kept = text("jobs.bundled") if entry.bundled else text("jobs.own")
+    lines = [(("! " + text("jobs_page.in_hand"), Token.WARNING),)] if edited else []
+    return [
+        *lines,
+        *_job_lines(loaded.job, text, room),
+        *_last_lines(jobs.results.get(loaded.job.name), jobs.simulated, text, room),
+        _fact(text("jobs_page.revision"), f"{loaded.sha256[:6]}, {kept}", room),
+        *wrapped(loaded.job.source, width, Token.DIM),
+    ]
+
+
+def _columns(width: int, text: Catalogue) -> list[tuple[str, int]]:
+    """Return heading and cells of the columns behind the name; wide tables have more of them."""
+    columns = [(text("jobs_page.material"), 6), (text("jobs_page.diameter"), 7), (text("jobs_page.last"), 8)]
+    if width >= 62:
+        columns[2:2] = [(text("jobs_page.speed"), 8), (text("jobs_page.error"), 9)]
+    while columns and width - 2 - sum(cells for _, cells in columns) < _NAME_LEAST:
+        del columns[0]
+    return columns
+
+
+def _row(jobs: JobList, place: int, cells: Sequence[int], name_width: int, text: Catalogue) -> Line:
+    entry, chosen = jobs.entries[place], place == jobs.selected
+    loaded = jobs.load(entry)
+    name = fitted(("▸ " if chosen else "  ") + printable(entry.name), name_width + 2)
+    if not isinstance(loaded, LoadedJob):
+        reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells))
+        return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))
+    job, last = loaded.job, jobs.results.get(loaded.job.name)
+    values = [job.material, f"{job.diameter_mm:.1f}", f"{last.ront_um:.1f}" if last else "–"]
+    if len(cells) > len(values):
+        values[2:2] = [f"{job.spindle_speed_rpm:.0f}", f"{job.lobe_error_um_pp:.1f}"]
+    shown = (
+        name + "".join(_right(*pair) for pair in zip(values[-len(cells) :], cells, strict=True)) if cells else name
+    )
+    return ((shown, Token.SELECTED if chosen else Token.TEXT),)
+
+
+def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:
+    """The file is named once, and every reason says what would help."""
+    lines = [line(("✗ " + text("jobs_page.unreadable"), Token.WARNING))]
+    lines += wrapped(printable(str(entry.path)), width, Token.DIM)
+    for problem in problems:
+        sentence = wrapped(text.problem(replace(problem, where="")), width - 2)
+        lines += [line("· " if row == 0 else "  ", *pieces) for row, pieces in enumerate(sentence)]
+    return lines
+
+
+def _job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
+    solid = job.wall_thickness_mm >= job.radius_mm
+    form = text("jobs_page.bar" if solid else "jobs_page.tube", material=job.material)
+    source = text(f"source.{job.lobe_error_source}")
+    size = f"D {job.diameter_mm:.1f}" + ("" if solid else f" x {job.wall_thickness_mm:.1f}") + " mm"
+    lobe = text("jobs_page.jaws", count=job.jaws, frequency=f"{job.lobe_frequency_hz:.1f}")
+    rows = (
+        (text("jobs_page.part"), form),
+        (text("jobs_page.outside") if solid else text("jobs_page.size"), size),
+        (text("jobs_page.overhang"), f"{job.overhang_mm:.3f} mm"),
+        (text("jobs_page.force"), _marked(job, "chucking_force_n", f"{job.chucking_force_n:.1f} N", text)),
+        (text("jobs_page.depth"), _marked(job, "depth_of_cut_mm", f"{job.depth_of_cut_mm:.3f} mm", text)),
+        (text("jobs_page.spindle"), f"{job.spindle_speed_rpm:.1f} rpm"),
+        (text("jobs_page.lobe"), lobe),
+        (text("jobs_page.uncompensated"), f"{source} {job.lobe_error_um_pp:.1f} um"),
+        (text("jobs_page.tolerance"), f"{job.roundness_tolerance_um:.1f} um"),
+    )
+    return [_fact(label, value, width) for label, value in rows]
+
+
+def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width: int) -> list[Line]:
+    if last is None:
+        return [_fact(text("jobs_page.last_part"), text("jobs_page.never"), width)]
+    date = last.measured_at.astimezone().date().isoformat()
+    notes = [text("jobs_page.circle")]
+    if simulated:
+        notes.append(text("jobs_page.simulated"))
+    if last.strategy == "none":
+        notes.append(text("jobs_page.without"))
+    return [
+        _fact(text("jobs_page.last_part"), f"{last.ront_um:.2f} um", width),
+        *((dim(_right(note, width)),) for note in notes),
+        _fact(text("jobs_page.parts", count=last.parts), date, width),
+    ]
+
+
+def _marked(job: Job, key: str, value: str, text: Catalogue) -> str:
+    """The mark of an assumed value stands before it, so that the numbers stay in their column."""
+    return f"{text('jobs_page.assumed')} {value}" if key in job.assumed else value
+
+
+def _fact(label: str, value: str, width: int) -> Line:
+    return fact(label, value, width, label_width=min(_LABEL, max(width - 10, 0)))
+
+
+def _right(text: str, cells: int) -> str:
+    """Set a text to the right of a column, with a blank before it."""
+    kept = text if cell_len(text) < cells else fitted(text, cells - 1)
+    return " " * max(cells - cell_len(kept), 0) + kept

@@ -1,0 +1,137 @@
+"""What the jog panel of the page Align says: the ladder of steps, the directions, the run-on, what can be seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.cells import cell_len
+
+from console.session.jogging import STEPS_DEG, STEPS_MM, longest_in_mm, overrun, step_of
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, Line, Piece, dim, line, ranged, wrapped
+from console.tui.pages.align_lines import clipped, to_the_right
+from console.tui.theme import Token
+from drivers.simulator.shop_view import ShopView
+from drivers.snapshot import AxisName
+from profiles.machine import MachineProfile
+
+_RUNG_WIDTH = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JogView:
+    """What the panel is made from. `left_s` is None while jogging is not enabled, `gap_mm` before a touch-off."""
+
+    machine: MachineProfile
+    rung: int
+    left_s: float | None
+    moving: bool
+    gap_mm: float | None
+    simulated: bool
+    seen: ShopView | None
+
+
+def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:
+    """Return the jog panel; in little room the picture of the directions goes first, then the overrun."""
+    must = [_enable_line(text, jog, width), *_ladder(text, jog)]
+    seen = seen_lines(text, jog, width)
+    picture, run_on = _directions(text, jog), [_overrun_line(text, jog)]
+    if len(must) + len(seen) + len(picture) + len(run_on) <= height:
+        spare = height - len(must) - len(seen) - len(picture) - len(run_on)
+        gaps = [[BLANK] if spare > n else [] for n in range(2)]
+        return [*must, *gaps[0], *picture, *gaps[1], *run_on, *seen]
+    if len(must) + len(seen) + len(run_on) <= height:
+        return [*must, *run_on, *seen]
+    return clipped([*must, *seen], height)
+
+
+def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
+    moving = line(" ", (text("align_page.moving"), Token.STRONG)) if jog.moving else BLANK
+    if jog.left_s is None:
+        return ranged((dim("○ " + text("align_page.jog_off")),), moving, width)
+    left = text("align_page.jog_on", left=f"{math.ceil(jog.left_s)} s")
+    return ranged((("● " + left, Token.STRONG),), moving, width)
+
+
+def _ladder(text: Catalogue, jog: JogView) -> list[Line]:
+    linear = [f"{step:.3f}" for step in STEPS_MM]
+    turning = [f"{step:.2f}" for step in STEPS_DEG]
+    return [_rungs(linear, jog.rung, " mm"), _rungs(turning, jog.rung, " °")]
+
+
+def _rungs(steps: Sequence[str], chosen: int, unit: str) -> Line:
+    pieces: list[Piece] = []
+    for rung, step in enumerate(steps):
+        if rung == chosen:
+            pieces.append((to_the_right(f"[{step}]", _RUNG_WIDTH + 1), Token.STRONG))
+        else:
+            pieces.append(dim(to_the_right(step, _RUNG_WIDTH) + " "))
+    return (*pieces, dim(unit))
+
+
+def _directions(text: Catalogue, jog: JogView) -> list[Line]:
+    chuck = text("align_page.chuck")
+    lead = " " * (cell_len(chuck) + 4)
+    longest = text("align_page.at_most", step=f"{longest_in_mm(jog.gap_mm):.3f} mm")
+    return [
+        line(lead, ("↑ ", Token.KEY), text("align_page.away")),
+        line(
+            (f"{chuck} ", Token.TEXT),
+            ("←", Token.KEY),
+            dim(" ─┼─ "),
+            ("→ ", Token.KEY),
+            text("align_page.tailstock"),
+            "   ",
+            ("PgUp ", Token.KEY),
+            text("align_page.forward"),
+        ),
+        line(lead, ("↓ ", Token.KEY), text("align_page.toward"), dim(" " + longest)),
+    ]
+
+
+def _overrun_line(text: Catalogue, jog: JogView) -> Line:
+    tool, carriage, spindle = (
+        _rounded_up(overrun(jog.machine, axis, step_of(axis, jog.rung)), decimals)
+        for axis, decimals in ((AxisName.TOOL, 3), (AxisName.CARRIAGE, 3), (AxisName.SPINDLE, 2))
+    )
+    return (dim(text("align_page.overrun", tool=tool, carriage=carriage, spindle=spindle)),)
+
+
+def _rounded_up(value: float, decimals: int) -> str:
+    """Write a bound so that it stays one."""
+    if not math.isfinite(value):
+        return "∞"
+    return f"{math.ceil(value * 10**decimals - 1e-6) / 10**decimals:.{decimals}f}"
+
+
+def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
+    """Return what the simulated lathe looks like; at a real one, what to find it out with."""
+    if not jog.simulated:
+        return wrapped(text("align_page.real"), width)[:2]
+    seen = jog.seen
+    mark: Piece = ("SIM", Token.SIM)
+    if seen is None:
+        return [line(mark, dim(" " + text("align_page.not_seen"))), BLANK]
+    return [line(mark, " " + jaw_words(text, seen)), line(mark, " " + gap_words(text, seen))]
+
+
+def jaw_words(text: Catalogue, seen: ShopView) -> str:
+    """Return where jaw 1 stands to the mark."""
+    past = seen.jaw_1_past_mark_deg
+    if abs(past) < 0.005:
+        return text("align_page.at_mark")
+    if past > 0:
+        return text("align_page.past_mark", angle=f"{past:.2f}°")
+    return text("align_page.before_mark", angle=f"{-past:.2f}°")
+
+
+def gap_words(text: Catalogue, seen: ShopView) -> str:
+    """Return how far the tool tip is from the part."""
+    gap = seen.tool_gap_mm
+    if gap is None:
+        return text("align_page.tool_beside")
+    if gap > 0:
+        return text("align_page.gap", gap=f"{gap:.3f} mm")
+    return text("align_page.touches", depth=f"{-gap:.3f} mm")

@@ -1,0 +1,226 @@
+"""The page Preview: what a job will do on the machine, before anything is sent to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from textual.app import ComposeResult
+from textual.containers import Horizontal, Vertical
+from textual.events import Resize
+
+from console.session.alignment import Alignment
+from console.session.preview import Preview
+from console.session.work import STRATEGIES, with_strategy
+from console.tui.desk import Desk, View
+from console.tui.keymap import PageName
+from console.tui.lines import Line, line, wrapped
+from console.tui.page import Page
+from console.tui.pages.preview_lines import (
+    margin_lines,
+    margins,
+    problem_lines,
+    refused,
+    roundness_caption,
+    strategy_lines,
+)
+from console.tui.pages.program import ProgramView
+from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.plot.scale import nice_limits
+from console.tui.plot.trace_view import Series, TraceView
+from console.tui.sheet import Sheet
+from console.tui.theme import Token
+from drivers.cut import Strategy
+
+ROWS_FOR_PLOTS = 16
+"""Rows of the page below which numbers take the room of the plots."""
+
+_ROOMY_ROWS, _TALL_ROWS = 22, 36
+_FULL_TURN = (0.0, 360.0)
+_TURN_DEG = np.arange(361.0)
+_SCROLL_PAGES = 0.5
+_JAW_1 = "1"
+
+
+def roundness_traces(seen: Preview, strategy: Strategy) -> list[PolarTrace]:
+    """Return the predicted roundness without compensation and, on top, with this strategy."""
+    traces = []
+    for which, token in ((Strategy.NONE, Token.BEFORE), (strategy, Token.AFTER)):
+        made = seen.predictions.get(which)
+        if made is None or (token is Token.AFTER and strategy is Strategy.NONE):
+            continue
+        dashed = token is Token.BEFORE
+        traces.append(
+            PolarTrace(angle_deg=made.angle_deg, deviation_um=made.residual_um, token=token, dashed=dashed)
+        )
+    return traces
+
+
+def path_series(seen: Preview, strategy: Strategy) -> list[Series]:
+    """Return the path that is wanted of the tool tip, and the command of this strategy, um of infeed."""
+    series = [Series(x=_TURN_DEG, y=seen.wanted.at_um(_TURN_DEG), token=Token.WANTED)]
+    made = seen.predictions.get(strategy)
+    if made is not None:
+        series.append(Series(x=made.angle_deg, y=made.command_um, token=Token.COMMAND, dashed=True))
+    return series
+
+
+class PreviewPage(Page):
+    """Predicted roundness, tool path, margins and strategies; or the program itself."""
+
+    name_ = PageName.PREVIEW
+
+    DEFAULT_CSS = """
+    PreviewPage {
+        layout: vertical;
+        .panel { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
+        #preview-charts { layout: horizontal; height: 1fr; }
+        #preview-left { width: 45%; height: 1fr; }
+        #preview-right { width: 1fr; height: 1fr; }
+        #preview-roundness { height: 1fr; }
+        #preview-caption { width: 16; height: 1fr; }
+        #preview-path { height: 1fr; }
+        #preview-strategy, #preview-margins { height: 8; }
+        #preview-program, #preview-message { height: 1fr; }
+        #preview-message { padding: 1 2; }
+    }
+    PreviewPage.-roomy #preview-strategy { height: 12; }
+    PreviewPage.-tall #preview-strategy { height: 18; }
+    PreviewPage.-tall #preview-margins { height: 14; }
+    PreviewPage.-bare #preview-roundness, PreviewPage.-bare #preview-path { display: none; }
+    PreviewPage.-bare #preview-strategy, PreviewPage.-bare #preview-margins { height: 1fr; }
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__(desk)
+        text, palette = desk.text, desk.palette
+        self._polar = PolarView(palette=palette, id="preview-polar")
+        self._caption = Sheet(palette, id="preview-caption")
+        self._strategy = Sheet(palette, id="preview-strategy", classes="panel")
+        self._path = TraceView(palette=palette, id="preview-path", classes="panel")
+        self._margins = Sheet(palette, id="preview-margins", classes="panel")
+        self._roundness = Horizontal(self._polar, self._caption, id="preview-roundness", classes="panel")
+        self._charts = Horizontal(id="preview-charts")
+        self._program = ProgramView(palette, text, id="preview-program")
+        self._program.add_class("panel")
+        self._message = Sheet(palette, id="preview-message")
+        self._reading = False
+        self._view: View | None = None
+        self._drawn: tuple[Preview, Strategy] | None = None
+        self._roundness.border_title = text("preview_page.roundness")
+        self._roundness.border_subtitle = text("preview_page.roundness_as")
+        self._strategy.border_title = text("preview_page.strategies")
+        self._path.border_title = text("preview_page.path")
+        self._path.border_subtitle = text("preview_page.path_key")
+        self._margins.border_title = text("preview_page.margins")
+        self._charts.display = self._program.display = False
+
+    def compose(self) -> ComposeResult:
+        """Return the charts, with the program and a message in their place."""
+        with self._charts:
+            yield Vertical(self._roundness, self._strategy, id="preview-left")
+            yield Vertical(self._path, self._margins, id="preview-right")
+        yield self._program
+        yield self._message
+
+    def show(self, view: View) -> None:
+        """Show the preview of the job in hand."""
+        before, self._view = self._view, view
+        if before is None or before.work is not view.work or before.state.alignment is not view.state.alignment:
+            self._paint()
+
+    def on_resize(self, event: Resize) -> None:
+        """Make the best of the new size."""
+        height = event.size.height
+        self.set_class(height < ROWS_FOR_PLOTS, "-bare")
+        self.set_class(_ROOMY_ROWS <= height < _TALL_ROWS, "-roomy")
+        self.set_class(height >= _TALL_ROWS, "-tall")
+        self.call_after_refresh(self._paint)
+
+    def act(self, action: str) -> None:
+        """Step to the next strategy, open or close the program, move in it."""
+        work = self.desk.work
+        if action == "preview.strategy" and work is not None:
+            place = STRATEGIES.index(work.strategy)
+            self.desk.work = with_strategy(work, STRATEGIES[(place + 1) % len(STRATEGIES)])
+            if self._view is not None:
+                self.show(replace(self._view, work=self.desk.work))
+        elif action == "preview.program":
+            self._reading = not self._reading
+            self._paint()
+        elif action in ("preview.up", "preview.down") and self._reading:
+            self._program.scroll_pages(_SCROLL_PAGES if action == "preview.down" else -_SCROLL_PAGES)
+
+    def next_step(self, view: View) -> Line:
+        """Return what comes next: mostly the alignment."""
+        text, work = self.desk.text, view.work
+        if work is None:
+            return line((text("preview_page.next_job"), Token.ACTION))
+        if work.preview is None:
+            words = text("preview_page.next_problem") if work.preview_problems else text("preview_page.next_wait")
+        elif refused(work.preview, Strategy(work.strategy)):
+            words = text("preview_page.next_refused")
+        elif self._reading:
+            words = text("preview_page.next_program")
+        else:
+            words = text("preview_page.next_align")
+        return line((words, Token.ACTION))
+
+    def leave(self) -> None:
+        """The charts are there again when the operator comes back."""
+        if self._reading:
+            self._reading = False
+            self._paint()
+
+    def _paint(self) -> None:
+        view = self._view
+        if view is None:
+            return
+        work = view.work
+        if work is None or work.preview is None:
+            self._see(self._message)
+            self._message.show(self._message_lines(view))
+            return
+        strategy = Strategy(work.strategy)
+        if self._reading:
+            self._see(self._program)
+            self._program.show_program(work.preview, strategy)
+        else:
+            self._see(self._charts)
+            self._draw(work.preview, strategy)
+            self._write(work.preview, strategy, view.state.alignment)
+
+    def _see(self, wanted: Horizontal | Sheet) -> None:
+        """Show one of the three, which needs a layout before it knows its size."""
+        if wanted.display:
+            return
+        for each in (self._charts, self._program, self._message):
+            each.display = each is wanted
+        if self.is_attached:
+            self.call_after_refresh(self._paint)
+
+    def _message_lines(self, view: View) -> list[Line]:
+        text, width = self.desk.text, max(self._message.size.width, 1)
+        if view.work is None:
+            return wrapped(text("preview_page.no_job"), width)
+        if view.work.preview_problems:
+            return problem_lines(view.work.preview_problems, text, width)
+        return wrapped(text("preview_page.computing"), width)
+
+    def _draw(self, seen: Preview, strategy: Strategy) -> None:
+        """Draw the plots, once for each preview and strategy."""
+        if self._drawn is not None and self._drawn[0] is seen and self._drawn[1] is strategy:
+            return
+        self._drawn = (seen, strategy)
+        marks = [Mark(angle_deg=seen.job.lobe_phase_deg, label=_JAW_1)]
+        self._polar.show(roundness_traces(seen, strategy), marks=marks)
+        series = path_series(seen, strategy)
+        low, high = (float(edge(np.concatenate([each.y for each in series]))) for edge in (np.min, np.max))
+        self._path.show(series, _FULL_TURN, nice_limits(low, high), "um", "°")
+
+    def _write(self, seen: Preview, strategy: Strategy, alignment: Alignment) -> None:
+        text, scale = self.desk.text, self._polar.scale_um_per_division
+        caption, strategies, needs = self._caption.size, self._strategy.size, self._margins.size
+        self._caption.show(roundness_caption(seen, strategy, alignment, scale, text, max(caption.width, 1)))
+        self._strategy.show(strategy_lines(seen, strategy, text, strategies.width, strategies.height))
+        self._margins.show(margin_lines(margins(seen, strategy), text, needs.width, needs.height))

@@ -1,0 +1,214 @@
+"""What the page Run says before, after and instead of a cut, as lines of text; `cut_lines` is for the cut."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from console.session.alignment import aligned_machine, problems
+from console.session.interlocks import of_job
+from console.session.jogging import tool_radius_mm
+from console.session.progress import CutProgress, CutStage
+from console.session.state import Armed, StationState, StopState
+from console.session.work import Work
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, Line, dim, fact, line, wrapped
+from console.tui.pages.align_lines import clipped
+from console.tui.theme import Token
+from drivers.cut import Strategy
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+LABEL_WIDTH = 13
+OUT_BAND_MM = 0.01
+"""How much less than the retract distance still counts as out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One condition of the start. `problems` say why it does not hold; `waits`: it is judged by arming."""
+
+    name: str
+    problems: tuple[Problem, ...] = ()
+    waits: bool = False
+
+
+def checks(state: StationState, work: Work | None, machine: MachineProfile) -> tuple[Check, ...]:
+    """Return every interlock of the start, in the order in which they are put right."""
+    snapshot = state.snapshot
+    if snapshot is None:
+        return (Check(name="link", problems=(Problem(code="screen.nothing_known"),)),)
+    stopped = () if state.stop is None else (Problem(code="screen.stopped_first", key="F5"),)
+    faults = tuple(Problem(code="screen.axis_fault", value=fault) for fault in snapshot.axis_faults)
+    drives = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
+    homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
+    rest = (Problem(code="screen.in_motion"),) if state.moving else ()
+    cut = (Problem(code="screen.part_is_cut"),) if state.cut_done else ()
+    return (
+        Check(name="no_stop", problems=stopped),
+        Check(name="no_fault", problems=faults),
+        *_of_work(state, work, machine),
+        Check(name="drives_on", problems=drives),
+        Check(name="homed", problems=homed),
+        Check(name="at_rest", problems=rest),
+        Check(name="fresh_blank", problems=cut),
+        Check(name="program", waits=state.armed is None),
+    )
+
+
+def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Check]:
+    if work is None:
+        yield Check(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
+        return
+    fits = of_job(work.job, aligned_machine(machine, state.alignment))
+    yield Check(name="job", problems=fits.problems)
+    yield Check(name="aligned", problems=problems(state.alignment, work.job))
+
+
+def failing(found: tuple[Check, ...]) -> tuple[Problem, ...]:
+    """Return every reason why a cut may not be armed."""
+    return tuple(problem for check in found for problem in check.problems)
+
+
+def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: int) -> list[Line]:
+    """Return one row for each condition, with the first reason below it where it does not hold."""
+    rows: list[Line] = []
+    for check in found:
+        name = text(f"run_page.check.{check.name}")
+        if check.waits:
+            rows.append(line("○ ", dim(f"{name}: {text('run_page.by_arming')}")))
+        elif not check.problems:
+            rows.append(line(("✓ ", Token.OK), dim(name)))
+        else:
+            more = f" (+{len(check.problems) - 1})" if len(check.problems) > 1 else ""
+            rows.append(line(("✗ " + name + more, Token.WARNING)))
+            reason = wrapped(text.problem(check.problems[0]), max(width - 2, 1))
+            rows += [(dim("  "), *pieces) for pieces in reason]
+    return clipped(rows, height)
+
+
+def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float, width: int) -> list[Line]:
+    """Return what will be cut and what it rests on; when it is armed also what moves first, and until when."""
+    job, armed = work.job if state.armed is None else state.armed.job, state.armed
+    stamps = state.alignment
+    strategy = Strategy(work.strategy) if armed is None else armed.strategy
+    pairs = [
+        ("job", job.name),
+        ("revision", f"{work.loaded.sha256[:6]}{text('run_page.edited') if work.edited else ''}"),
+        ("force", f"{job.chucking_force_n:.0f} N"),
+        ("confirmed", text("run_page.not_yet") if stamps.clamping is None else stamps.clamping.at),
+        ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
+        ("feed", f"{job.feed_mm_per_rev:.3f} mm/rev"),
+        ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),
+        ("strategy", text(f"run_page.strategy.{strategy}")),
+        (
+            "jaw",
+            text("run_page.not_yet") if stamps.jaw is None else f"{stamps.jaw.angle_deg:.2f} °  {stamps.jaw.at}",
+        ),
+        ("touch_off", text("run_page.not_yet") if stamps.touch_off is None else _touched(state)),
+    ]
+    facts = [fact(text(f"run_page.sum.{key}"), value, width, label_width=LABEL_WIDTH) for key, value in pairs]
+    if armed is None:
+        return facts
+    return [*_armed_head(text, armed, now_s, width), *facts, *_first_moves(text, armed, width)]
+
+
+def _touched(state: StationState) -> str:
+    touched = state.alignment.touch_off
+    return "" if touched is None else f"R {touched.zero_radius_mm:.3f} mm  {touched.at}"
+
+
+def _armed_head(text: Catalogue, armed: Armed, now_s: float, width: int) -> list[Line]:
+    left_s = max(math.ceil(armed.until_s - now_s), 0)
+    return [line((row[0][0], Token.ACTION)) for row in wrapped(text("run_page.armed", left=left_s), width)]
+
+
+def _first_moves(text: Catalogue, armed: Armed, width: int) -> list[Line]:
+    words = text("run_page.moves_first", duration=f"{armed.plan.duration_s:.0f}")
+    return wrapped(words, width, Token.STRONG)
+
+
+def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
+    """Return the figures of a cut that has ended: they are the controller's, nothing was measured on the part."""
+    how = text("run_page.held") if cut.stage is CutStage.HELD else text("run_page.done")
+    rows = [line((how, Token.STRONG)), BLANK]
+    rows.append(_fact(text, "turns", f"{cut.turn:.0f} / {cut.turns:.0f}", width))
+    rows.append(_fact(text, "length", f"{cut.z_mm:.2f} / {cut.length_mm:.2f} mm", width))
+    figures = cut.figures
+    if figures is None:
+        return [*rows, BLANK, *wrapped(text("run_page.no_figures"), width, Token.DIM)]
+    return [
+        *rows,
+        _fact(text, "speed", f"{figures.spindle_speed_rpm:.1f} rpm", width),
+        _fact(text, "error_peak", f"{figures.tool_error_um:.2f} um", width),
+        _fact(text, "error_rms", f"{figures.tool_error_rms_um:.2f} um", width),
+        _fact(text, "following_peak", f"{figures.following_error_um:.2f} um", width),
+        _fact(text, "following_rms", f"{figures.following_error_rms_um:.2f} um", width),
+        _fact(text, "samples", f"{figures.samples}", width),
+        BLANK,
+        *wrapped(text("run_page.by_controller"), width, Token.DIM),
+    ]
+
+
+def after_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
+    """Return what comes next after a cut that has ended."""
+    if state.cut is not None and state.cut.stage is CutStage.HELD:
+        return wrapped(text("run_page.after_hold"), width)
+    if state.cut_done:
+        return wrapped(text("run_page.after_cut") if state.simulated else text("run_page.after_real_cut"), width)
+    return wrapped(text("run_page.after_measured"), width)
+
+
+def stop_lines(text: Catalogue, stop: StopState, width: int) -> list[Line]:
+    """Return how a stop ended."""
+    rest = text("run_page.rest_unproven")
+    if stop.rest_s is not None:
+        rest = f"{stop.rest_s - stop.sent_s:.1f} s"
+    how = text("run_page.stop.kill") if stop.killed else text("run_page.stop.ramp")
+    drives = text("run_page.drives_closed") if stop.can_retract else text("run_page.drives_open")
+    rows = [
+        fact(text("run_page.stop.by"), how, width, label_width=LABEL_WIDTH),
+        fact(
+            text("run_page.stop.rest"),
+            rest,
+            width,
+            label_width=LABEL_WIDTH,
+            token=Token.TEXT if stop.rest_s is not None else Token.WARNING,
+        ),
+    ]
+    if stop.rest_s is not None:
+        token = Token.TEXT if stop.tool_in_part is False else Token.WARNING
+        rows.append(
+            fact(text("run_page.stop.tool"), _tool(text, stop), width, label_width=LABEL_WIDTH, token=token)
+        )
+        rows.append(fact(text("run_page.stop.drives"), drives, width, label_width=LABEL_WIDTH))
+    return rows
+
+
+def _tool(text: Catalogue, stop: StopState) -> str:
+    if stop.tool_in_part is None:
+        return text("run_page.tool_unknown")
+    return "! " + text("run_page.tool_in_part") if stop.tool_in_part else text("run_page.tool_out")
+
+
+def remedy(text: Catalogue, stop: StopState) -> str:
+    """Return what to do after a stop, in order."""
+    if stop.rest_s is None:
+        return text("run_page.remedy.wait")
+    if stop.tool_in_part is False:
+        return text("run_page.remedy.clear")
+    return text("run_page.remedy.retract") if stop.can_retract else text("run_page.remedy.by_hand")
+
+
+def may_be_in_part(state: StationState, job: Job | None, machine: MachineProfile) -> bool:
+    """Whether the tool stands nearer to the axis than where a retract takes it; True while that is not known."""
+    if job is None or state.snapshot is None or not state.snapshot.homed:
+        return True
+    radius_mm = tool_radius_mm(state.snapshot.tool.position, machine, state.alignment)
+    return radius_mm < job.radius_mm + machine.tool.retract_mm - OUT_BAND_MM
+
+
+def _fact(text: Catalogue, key: str, value: str, width: int) -> Line:
+    return fact(text(f"run_page.figure.{key}"), value, width, label_width=LABEL_WIDTH + 6)

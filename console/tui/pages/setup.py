@@ -1,0 +1,345 @@
+"""The page Set-up: the values of the job, judged as they are typed."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from textual.app import ComposeResult
+from textual.containers import Vertical
+from textual.content import Content
+from textual.events import Resize
+from textual.widgets import Input
+
+from console.session.paths import jobs_folder
+from console.session.state import Activity, StationState
+from console.session.work import Work, saved_as, undone
+from console.tui.desk import Desk, View
+from console.tui.gate import FieldKind
+from console.tui.keymap import PageName
+from console.tui.lines import Line, dim, line
+from console.tui.page import Page
+from console.tui.pages.fields import FORM, FormField, free_name, judge, name_problem, named, with_unit, written
+from console.tui.pages.setup_lines import FormState, draft, finding_lines, form, speed_lines
+from console.tui.sheet import Sheet
+from console.tui.theme import Token
+from profiles.fields import TEXT_CAP_CHARACTERS
+from profiles.files import printable
+from profiles.problem import Problem, ProblemError
+from profiles.rules import Severity, check, refusals
+from profiles.store import list_jobs
+
+_NUMBER = r"[0-9+\-.,]*"
+_NUMBER_CAP_CHARACTERS = 24
+_TIGHT_BELOW_ROWS = 16
+
+
+class Entering(Enum):
+    """What is being typed."""
+
+    NOTHING = auto()
+    VALUE = auto()
+    NAME = auto()
+
+
+class SetupPage(Page):
+    """A form, and beside it what its values come to."""
+
+    name_ = PageName.SETUP
+    SCOPED_CSS = False  # the classes of the terminal's size stand on the screen
+
+    DEFAULT_CSS = """
+    SetupPage {
+        layout: horizontal;
+        layers: base entry;
+        Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
+        .form { width: 62%; height: 1fr; }
+        .side { width: 1fr; height: 1fr; }
+        .speed { height: 7; }
+        .findings { height: 1fr; }
+        .entry {
+            layer: entry; position: absolute; display: none; width: 10; height: 1;
+            background: $background; color: $foreground;
+        }
+    }
+    SetupPage.tight .speed { height: 5; }
+    .-medium SetupPage .form { width: 54; }
+    .-wide SetupPage .form { width: 72; }
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        super().__init__(desk)
+        self._form = Sheet(desk.palette, classes="form")
+        self._speed = Sheet(desk.palette, classes="speed")
+        self._findings = Sheet(desk.palette, classes="findings")
+        self._entry = Input(classes="entry", compact=True, select_on_focus=True)
+        self._entry.cursor_blink = False
+        self._entering = Entering.NOTHING
+        self._selected = 0
+        self._taken: frozenset[str] = frozenset()
+        self._locked: Problem | None = None
+        self._placed: tuple[int, int, int] | None = None
+        self._shown: object = None
+        self._shown_work: Work | None = None
+        self._titles: dict[Sheet, tuple[str, str]] = {}
+        self._machine = desk.machine.machine
+
+    def compose(self) -> ComposeResult:
+        """Put the form to the left and its consequences to the right."""
+        yield self._form
+        with Vertical(classes="side"):
+            yield self._speed
+            yield self._findings
+        yield self._entry
+
+    def on_resize(self, event: Resize) -> None:
+        """Leave the findings their room on a low terminal."""
+        self.set_class(event.size.height < _TIGHT_BELOW_ROWS, "tight")
+
+    @property
+    def field(self) -> FieldKind:
+        """A number, or free text, while something is typed."""
+        if self._entering is Entering.NOTHING:
+            return FieldKind.NONE
+        return FieldKind.NUMBER if self._entering is Entering.VALUE and self._field.numeric else FieldKind.TEXT
+
+    def show(self, view: View) -> None:
+        """Show the job, with what is being typed."""
+        self._locked = lock(view.state)
+        if self._locked is not None and self._entering is not Entering.NOTHING:
+            self._drop()
+        self._paint()
+
+    def act(self, action: str) -> None:
+        """Select, change, undo or save.
+
+        While something is typed the action waits behind the characters that came before it: a slow line brings
+        "1400" and Enter in one piece, and the entry must have all of them when it ends.
+        """
+        if self._entering is Entering.NOTHING:
+            self._do(action)
+        else:
+            self._entry.call_later(self._do, action)
+
+    def next_step(self, view: View) -> Line:
+        """Return what to do with the form."""
+        return line((self._next_words(), Token.ACTION))
+
+    def leave(self) -> None:
+        """End what is typed: a good value is taken, another one is dropped and said."""
+        if self._entering is Entering.NAME or not self._take():
+            self._drop()
+        self._paint()
+
+    def on_input_changed(self) -> None:
+        """Judge every keystroke."""
+        self._paint()
+
+    # What the keys do ------------------------------------------------------------------------------------------
+
+    def _do(self, action: str) -> None:
+        if self.desk.work is None:
+            self.desk.said = (Problem(code="screen.no_job"),)
+        elif action == "setup.next":
+            self._step(1)
+        elif action == "setup.previous":
+            self._step(-1)
+        elif action == "setup.edit":
+            self._enter()
+        elif action == "setup.undo":
+            self._undo(self.desk.work)
+        elif action == "setup.save_as" and self._take():
+            self._ask_name(self.desk.work)
+        self._paint()
+
+    def _step(self, by: int) -> None:
+        """Select the field after or before; an open entry goes along, and ends behind the last field."""
+        typing = self._entering is Entering.VALUE
+        if self._entering is Entering.NAME or not self._take():
+            return
+        before, self._selected = self._selected, min(max(self._selected + by, 0), len(FORM) - 1)
+        if typing and self._selected != before:
+            self._begin()
+
+    def _enter(self) -> None:
+        if self._entering is Entering.NOTHING:
+            self._begin()
+        elif self._entering is Entering.VALUE:
+            self._take()
+        else:
+            self._save()
+
+    def _begin(self) -> None:
+        """Open an entry in the selected field, with its value marked so that typing replaces it."""
+        if self._work is None or self._refused_by_lock():
+            return
+        field = self._field
+        self._entry.restrict = _NUMBER if field.numeric else None
+        self._entry.max_length = _NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
+        self._open(Entering.VALUE, written(field, self._work.job))
+
+    def _take(self) -> bool:
+        """End an open entry with its value; False, and why, if it does not parse."""
+        if self._entering is not Entering.VALUE or self._work is None:
+            return True
+        if self._refused_by_lock():
+            return False
+        judged = judge(self._work, self._field, self._entry.value)
+        if judged.problems:
+            self.desk.said = tuple(named(problem, self.desk.text) for problem in judged.problems)
+            return False
+        self.desk.work = judged.work
+        self._close()
+        return True
+
+    def _undo(self, work: Work) -> None:
+        """Take back the last edit, or what is being typed."""
+        if self._entering is not Entering.NOTHING:
+            self._close()
+        elif not work.undo:
+            self.desk.said = (Problem(code="screen.nothing_to_undo"),)
+        elif not self._refused_by_lock():
+            self.desk.work = undone(work)
+
+    def _ask_name(self, work: Work) -> None:
+        if self._entering is Entering.NAME or self._refused_by_lock():
+            return
+        self._taken = frozenset(entry.name for entry in list_jobs(jobs_folder(self.desk.data)))
+        self._entry.restrict, self._entry.max_length = None, TEXT_CAP_CHARACTERS
+        self._open(Entering.NAME, free_name(work.loaded.path.stem, self._taken))
+
+    def _save(self) -> None:
+        name = self._entry.value.strip()
+        problem = name_problem(name, self._taken) if name else None
+        if problem is not None:
+            self.desk.said = (problem,)
+        elif not name or self._work is None:
+            self._close()
+        else:
+            try:
+                self.desk.work = saved_as(self._work, name, jobs_folder(self.desk.data))
+                self._close()
+            except ProblemError as error:
+                self.desk.said = tuple(error.problems)
+
+    def _drop(self) -> None:
+        """Give up what is being typed, and say so."""
+        if self._entering is Entering.NAME:
+            self.desk.said = (Problem(code="screen.not_saved"),)
+        elif self._work is not None:
+            field = self._field
+            value, kept = printable(self._entry.value), with_unit(field, self._work.job)
+            dropped = Problem(code="screen.entry_dropped", key=field.key, value=value, limit=kept)
+            self.desk.said = (named(dropped, self.desk.text),)
+        self._close()
+
+    def _refused_by_lock(self) -> bool:
+        locked = lock(self.desk.control.state)
+        if locked is not None:
+            self.desk.said = (locked,)
+        return locked is not None
+
+    def _open(self, entering: Entering, value: str) -> None:
+        self._entering = entering
+        self._entry.value = value
+        self._entry.select_all()
+        self._entry.display = True
+        # At once, not with the next message: the characters behind this key are for the entry.
+        self.screen.set_focus(self._entry, scroll_visible=False)
+
+    def _close(self) -> None:
+        self._entering = Entering.NOTHING
+        self._entry.display = False
+        self.screen.set_focus(None)
+
+    # What is shown ---------------------------------------------------------------------------------------------
+
+    @property
+    def _work(self) -> Work | None:
+        return self.desk.work
+
+    @property
+    def _field(self) -> FormField:
+        return FORM[self._selected]
+
+    def _state(self, work: Work) -> FormState:
+        typed = self._entry.value if self._entering is Entering.VALUE else None
+        naming = self._entry.value if self._entering is Entering.NAME else None
+        return FormState(
+            work=work,
+            selected=self._selected,
+            typed=typed,
+            judged=None if typed is None else judge(work, self._field, typed),
+            locked=self._locked,
+            naming=naming,
+            naming_problem=name_problem(naming.strip(), self._taken) if naming and naming.strip() else None,
+        )
+
+    def _paint(self) -> None:
+        work = self.desk.work
+        sizes = (self._form.size, self._speed.size, self._findings.size)
+        shown = (self._entering, self._entry.value, self._selected, self._locked, sizes)
+        if work is self._shown_work and shown == self._shown:
+            return
+        self._shown_work, self._shown = work, shown
+        if work is None:
+            self._paint_nothing()
+            return
+        text, state = self.desk.text, self._state(work)
+        layout = form(state, text, *self._form.size)
+        self._form.show(layout.lines)
+        self._place(layout.entry)
+        job = draft(state)
+        self._speed.show(speed_lines(job, self._machine, text, self._speed.size.width))
+        self._findings.show(finding_lines(check(job, self._machine), text, *self._findings.size))
+        title = text("setup.title", name=printable(work.job.name))
+        self._entitle(self._form, title, text("setup.edited") if work.edited else "")
+        self._entitle(self._speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
+        draft_ = job is not work.job
+        self._entitle(self._findings, text("setup.findings_draft") if draft_ else text("setup.findings"))
+
+    def _paint_nothing(self) -> None:
+        text = self.desk.text
+        self._form.show([line(text("setup.no_job")), line(dim(text("setup.how_to_open")))])
+        for sheet in (self._speed, self._findings):
+            sheet.show(())
+            self._entitle(sheet, "")
+        self._entitle(self._form, text("setup.no_title"))
+
+    def _place(self, entry: tuple[int, int, int] | None) -> None:
+        """Lay the entry over the brackets that the form keeps for it; the frame takes a cell on each side."""
+        if entry is not None and entry != self._placed:
+            column, row, cells = self._placed = entry
+            self._entry.styles.offset = (column + 1, row + 1)
+            self._entry.styles.width = cells
+
+    def _entitle(self, sheet: Sheet, title: str, subtitle: str = "") -> None:
+        if self._titles.get(sheet) != (title, subtitle):
+            self._titles[sheet] = title, subtitle
+            # Names of jobs may have brackets in them, which are no markup.
+            sheet.border_title, sheet.border_subtitle = Content(title), Content(subtitle)
+
+    def _next_words(self) -> str:
+        text, work = self.desk.text, self.desk.work
+        if work is None:
+            return text("setup.next.no_job")
+        if self._entering is Entering.NAME:
+            return text("setup.next.naming")
+        if self._entering is Entering.VALUE:
+            refused = judge(work, self._field, self._entry.value).problems
+            return text("setup.next.refused_entry") if refused else text("setup.next.entry")
+        if self._locked is not None:
+            return text("setup.next.locked")
+        findings = check(work.job, self._machine)
+        if refusing := refusals(findings):
+            return text("setup.next.refused", count=len(refusing))
+        warned = any(finding.severity is Severity.WARNING for finding in findings)
+        return text("setup.next.warned") if warned else text("setup.next.ready")
+
+
+def lock(state: StationState) -> Problem | None:
+    """Return why the values cannot be changed now, None when they can."""
+    if state.moving:
+        return Problem(code="screen.locked_moving")
+    if state.armed is not None or state.activity is Activity.ARMING:
+        return Problem(code="screen.locked_armed")
+    return None

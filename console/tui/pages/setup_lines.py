@@ -1,0 +1,226 @@
+"""What the page Set-up shows, as lines: the form, what speed does to the grip, and the findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from console.session.work import Work
+from console.text.catalogue import Catalogue
+from console.tui.lines import BLANK, Line, dim, fact, fitted, line, width_of, wrapped
+from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, with_unit, written
+from console.tui.theme import Token
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.rules import Finding, Severity, centrifugal_loss_n, grip_margin_n
+
+ENTRY_WIDTH = 10
+"""Cells in which a number is typed; a text takes all of its row."""
+
+FOOT_ROWS = 2
+_MARK, _LABEL, _UNIT = 2, 15, 8
+_SPEED_LABEL, _SPEED_WIDTH = 19, 46
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormState:
+    """What the form shows. `typed` is the text of the open entry, None when none is open.
+
+    `naming` is the name that is being typed to save under, `naming_problem` why it will not do.
+    """
+
+    work: Work
+    selected: int = 0
+    typed: str | None = None
+    judged: Judged | None = None
+    locked: Problem | None = None
+    naming: str | None = None
+    naming_problem: Problem | None = None
+
+    @property
+    def field(self) -> FormField:
+        """The selected field."""
+        return FORM[self.selected]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """The lines of the form, and where in them (column, row, cells) something is typed."""
+
+    lines: tuple[Line, ...]
+    entry: tuple[int, int, int] | None
+
+
+def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
+    """Return the form in a room of cells; what is selected is always in it."""
+    foot = [*_foot(state, text, width), *[BLANK] * FOOT_ROWS][:FOOT_ROWS]
+    room = max(height - FOOT_ROWS, 1)
+    rows = _rows(room, state.selected)
+    lines = [_row(row, state, text, width) for row in rows]
+    if len(lines) < room:
+        lines.append(BLANK)
+    foot_row = len(lines)
+    filled = [*lines, *foot, *_file_lines(state.work, text, width, height - foot_row - FOOT_ROWS)][
+        : max(height, 0)
+    ]
+    if state.naming is not None:
+        column = width_of(_name_label(text))
+        return Form(lines=tuple(filled), entry=(column + 1, foot_row, max(width - column - 2, 1)))
+    if state.typed is None:
+        return Form(lines=tuple(filled), entry=None)
+    left = _MARK + _label_width(width) + 1
+    cells = ENTRY_WIDTH if state.field.numeric else max(width - left - 1, 1)
+    return Form(lines=tuple(filled), entry=(left, rows.index(state.field), cells))
+
+
+def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int) -> list[Line]:
+    """Return what the speed makes of the grip and of the lobe, and what is known of the lobe."""
+    margin_n = grip_margin_n(job, machine)
+    width = min(width, _SPEED_WIDTH)
+    source = text(f"source.{job.lobe_error_source}")
+    rows = (
+        (text("setup.grip"), f"{margin_n:.1f} N", Token.TEXT if margin_n >= 0 else Token.WARNING),
+        (text("setup.loss"), f"{centrifugal_loss_n(job, machine):.1f} N", Token.TEXT),
+        (text("setup.lobe"), f"{job.lobe_frequency_hz:.1f} Hz", Token.TEXT),
+        (text("setup.error"), f"{job.lobe_error_um_pp:.1f} um", Token.TEXT),
+        (text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", Token.TEXT),
+    )
+    label = min(_SPEED_LABEL, max(width - 10, 0))
+    return [fact(name, value, width, label_width=label, token=token) for name, value, token in rows]
+
+
+def finding_lines(findings: Sequence[Finding], text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return what does not hold, then the warnings, then how many rules hold, and which if there is room."""
+    lines: list[Line] = []
+    for severity, mark in ((Severity.REFUSAL, ("✗", Token.ALARM)), (Severity.WARNING, ("!", Token.WARNING))):
+        for finding in findings:
+            if finding.severity is severity:
+                sentence = wrapped(text.problem(named(finding.problem, text)), width - 2)
+                lines += [line(mark if row == 0 else " ", " ", *pieces) for row, pieces in enumerate(sentence)]
+    held = [finding for finding in findings if finding.severity is Severity.OK]
+    room = max(height - 1, 0)
+    if len(lines) > room:
+        more = text("setup.more", count=len(lines) - room + 1)
+        lines = [*lines[: max(room - 1, 0)], line(("… " + more, Token.WARNING))]
+    hold = text("setup.hold", count=len(held), total=len(findings))
+    lines.append(line(("✓ ", Token.OK), hold))
+    names = (text(f"name.{finding.problem.code}") for finding in held)
+    return [*lines, *((dim(fitted("  " + name, width)),) for name in names)][: max(height, 0)]
+
+
+def draft(state: FormState) -> Job:
+    """Return the job as it would be with what is being typed."""
+    return (state.judged.work if state.judged else state.work).job
+
+
+def _rows(room: int, selected: int) -> list[FormField | str]:
+    """Return the rows that fit: fields with headings and blanks between, or fewer of these, or a part."""
+    spaced: list[FormField | str] = []
+    for field in FORM:
+        if field.heading not in spaced:
+            spaced += ["", field.heading] if spaced else [field.heading]
+        spaced.append(field)
+    close = [row for row in spaced if row]
+    for rows in (spaced, close, list[FormField | str](FORM)):
+        if len(rows) <= room:
+            return rows
+    first = min(max(selected - room // 2, 0), len(FORM) - room)
+    return list(FORM[first : first + room])
+
+
+def _row(row: FormField | str, state: FormState, text: Catalogue, width: int) -> Line:
+    if not isinstance(row, FormField):
+        return (dim(text(f"setup.{row}")),) if row else BLANK
+    chosen = row is state.field and state.naming is None
+    label = fitted(text(f"setup.{row.key}"), _label_width(width))
+    head: Line = (("▸ " if chosen else "  ", Token.ACTION), (label, Token.STRONG if chosen else Token.DIM))
+    if chosen and state.typed is not None:
+        return (*head, *_open_row(row, state, text, width))
+    value = row.mark + written(row, state.work.job)
+    token = Token.STRONG if chosen else Token.TEXT
+    if not row.numeric and len(value) > ENTRY_WIDTH:
+        return (*head, (" " + fitted(value, width - _MARK - len(label) - 2), token))
+    shown = fitted(" " * (ENTRY_WIDTH + 1 - len(value)) + value, ENTRY_WIDTH + 1)
+    return (*head, (shown, token), dim("  " + fitted(row.rule.unit, _UNIT - 1)), *_beside(row, state, text, width))
+
+
+def _open_row(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
+    """An entry is typed over the blanks between the brackets; what was understood stands behind it."""
+    if not row.numeric:
+        cells = max(width - _MARK - _label_width(width) - 2, 0)
+        return line("[" + " " * cells + "]")
+    field: Line = line("[" + " " * ENTRY_WIDTH + "]", dim(" " + fitted(row.rule.unit, _UNIT - 1)))
+    judged = state.judged
+    if judged is None or not (state.typed or "").strip():
+        return field
+    if judged.problems:
+        return (*field, ("✗ " + text("setup.refused"), Token.WARNING))
+    return (*field, (text("setup.understood", value=written(row, judged.work.job)), Token.OK))
+
+
+def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Line:
+    """Behind a value: its limits while it is selected, else what is to be known of it."""
+    room = width - _MARK - _label_width(width) - ENTRY_WIDTH - 2 - _UNIT
+    if room < ENTRY_WIDTH:
+        return BLANK
+    if row is state.field and bounds(row):
+        return (dim(fitted(bounds(row), room)),)
+    if getattr(state.work.job, row.key) != getattr(state.work.loaded.job, row.key):
+        was = text("setup.was", value=written(row, state.work.loaded.job))
+        return ((fitted(was, room), Token.WARNING),)
+    if row.key in state.work.job.assumed:
+        return (dim(fitted(text("setup.assumed"), room)),)
+    return BLANK
+
+
+def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
+    """Two rows under the form: the refusal in words, or what may be typed."""
+    if state.naming is not None:
+        brackets = "[" + " " * max(width - width_of(_name_label(text)) - 2, 0) + "]"
+        return [(*_name_label(text), (brackets, Token.TEXT)), *_naming_words(state, text, width)[:1]]
+    if state.typed is not None and state.judged and state.judged.problems:
+        words = text.problem(named(state.judged.problems[0], text))
+        return [line(*pieces) for pieces in wrapped(words, width, Token.WARNING)][:FOOT_ROWS]
+    if state.locked is not None:
+        return wrapped("! " + text.problem(state.locked), width, Token.WARNING)[:FOOT_ROWS]
+    rule, field, work = state.field.rule, state.field, state.work
+    allowed = text("setup.allowed", limit=rule.limit) if field.numeric else text("setup.allowed_text")
+    notes = []
+    if state.typed is not None:
+        notes.append(text("setup.keeps", value=with_unit(field, work.job)))
+    elif getattr(work.job, field.key) != getattr(work.loaded.job, field.key):
+        notes.append(text("setup.was_long", value=with_unit(field, work.loaded.job)))
+    elif field.key in work.job.assumed:
+        notes.append(text("setup.assumed_long"))
+    return [(dim(fitted(words, width)),) for words in (allowed, *notes)]
+
+
+def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line]:
+    """Return where the values come from, for a form that has room below."""
+    job = work.loaded.job
+    lines = [
+        BLANK,
+        (dim(text("setup.file")),),
+        line(dim("  " + fitted(text("setup.revision"), _LABEL)), f" {work.loaded.sha256[:6]}"),
+        *(line("  ", *pieces) for pieces in wrapped(job.source, width - 2, Token.DIM)),
+    ]
+    return lines if len(lines) <= room else []
+
+
+def _naming_words(state: FormState, text: Catalogue, width: int) -> list[Line]:
+    name = (state.naming or "").strip()
+    if not name:
+        return [(dim(text("setup.name_empty")),)]
+    if state.naming_problem is not None:
+        return [((fitted("✗ " + text.problem(state.naming_problem), width), Token.WARNING),)]
+    return [(dim(fitted(text("setup.name_file", name=name), width)),)]
+
+
+def _name_label(text: Catalogue) -> Line:
+    return (("▸ ", Token.ACTION), (text("setup.name") + " ", Token.STRONG))
+
+
+def _label_width(width: int) -> int:
+    """A narrow form gives up cells of its labels before it gives up those of a value."""
+    return max(min(_LABEL, width - _MARK - ENTRY_WIDTH - 2 - _UNIT), 4)

@@ -1,0 +1,139 @@
+"""The axes of a plot with their ticks, by plotext, and where the data belong inside them.
+
+The only module that knows plotext. It draws the frame once for each size and limits; the data are drawn on a
+canvas (`BrailleCanvas`) over it, because plotext takes some ten milliseconds and leaves gaps where traces cross.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+from textual_plotext import Plot
+
+from console.tui.plot.canvas import DOTS_ACROSS, DOTS_DOWN, Floats
+from console.tui.plot.scale import label, proper_limits, ticks
+
+_FULL_TURN = (0.0, 360.0)
+_FULL_TURN_TICKS = (0.0, 120.0, 240.0, 360.0)
+_ROWS_PER_TICK = 3
+_COLUMNS_PER_TICK = 12
+_LEAST_COLUMNS = 4
+"""Fewer columns or rows of data than these are worth more than axes."""
+_LEAST_ROWS = 2
+_CORNER = "└"
+FRAMES_KEPT = 16
+"""Enough for every plot of the screens at one size."""
+
+Limits = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlotFrame:
+    """Rows of text with axes and ticks, and the rectangle of cells for the data."""
+
+    rows: tuple[str, ...]
+    left: int
+    data_columns: int
+    data_rows: int
+    x_limits: Limits
+    y_limits: Limits
+
+    def to_dots(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+        """Return where points lie on the canvas of the data, dots from its top left corner.
+
+        The limits lie in the middle of the outermost dots.
+        """
+        across = _share(x, self.x_limits) * (self.data_columns * DOTS_ACROSS - 1)
+        up = _share(y, self.y_limits) * (self.data_rows * DOTS_DOWN - 1)
+        return across, (self.data_rows * DOTS_DOWN - 1) - up
+
+
+def _share(values: ArrayLike, limits: Limits) -> Floats:
+    share: Floats = (np.asarray(values, dtype=np.float64) - limits[0]) / (limits[1] - limits[0])
+    return share
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Axis:
+    limits: Limits
+    ticks: tuple[float, ...]
+    labels: tuple[str, ...]
+
+    @classmethod
+    def along_x(cls, limits: Limits, columns: int, unit: str) -> _Axis:
+        places = _FULL_TURN_TICKS if limits == _FULL_TURN else ticks(limits, columns // _COLUMNS_PER_TICK + 1)
+        labels = [label(place) for place in places]
+        return cls(limits=limits, ticks=places, labels=(*labels[:-1], labels[-1] + unit))
+
+    @classmethod
+    def along_y(cls, limits: Limits, rows: int, unit: str) -> _Axis:
+        places = ticks(limits, rows // _ROWS_PER_TICK + 1)
+        return cls(limits=limits, ticks=places, labels=tuple(label(place).rjust(len(unit)) for place in places))
+
+    @property
+    def label_columns(self) -> int:
+        return max(len(text) for text in self.labels)
+
+
+@lru_cache(maxsize=FRAMES_KEPT)
+def plot_frame(
+    columns: int, rows: int, x_limits: Limits, y_limits: Limits, y_unit: str = "", x_unit: str = ""
+) -> PlotFrame:
+    """Return the axes for a size in cells; without room for them the data have it all.
+
+    Units are of characters one cell wide. That of x follows the last tick; that of y stands under the top one.
+    """
+    columns, rows = max(columns, 1), max(rows, 1)
+    y = _Axis.along_y(proper_limits(y_limits), rows, y_unit)
+    left, data_rows = y.label_columns + 1, rows - 2
+    x = _Axis.along_x(proper_limits(x_limits), columns - left, x_unit)
+    if columns - left < _LEAST_COLUMNS or data_rows < _LEAST_ROWS:
+        text, left, data_rows = [" " * columns] * rows, 0, rows
+    else:
+        text = _axes(columns, rows, x, y)
+        data_rows = next(row for row, line in enumerate(text) if _CORNER in line)
+        left = text[data_rows].index(_CORNER) + 1
+        text = _with_unit(text, data_rows, left - 1, y_unit)
+    return PlotFrame(
+        rows=tuple(text),
+        left=left,
+        data_columns=columns - left,
+        data_rows=data_rows,
+        x_limits=x.limits,
+        y_limits=y.limits,
+    )
+
+
+class _Axes(Plot):
+    """A figure of a given size: plotext would limit it to the terminal that it finds."""
+
+    def __init__(self, columns: int, rows: int) -> None:
+        super().__init__()
+        self._limit_size(False, False)  # type: ignore[attr-defined]
+        self.plot_size(columns, rows)
+
+
+def _axes(columns: int, rows: int, x: _Axis, y: _Axis) -> list[str]:
+    figure = _Axes(columns, rows)
+    figure.theme("clear")
+    figure.xlim(*x.limits)
+    figure.ylim(*y.limits)
+    figure.xaxes(True, False)
+    figure.yaxes(True, False)
+    figure.xticks(list(x.ticks), list(x.labels))
+    figure.yticks(list(y.ticks), list(y.labels))
+    # Without data plotext draws no ticks.
+    figure.scatter([x.limits[0]], [y.limits[0]], marker=" ")
+    return figure.uncolorize(figure.build()).split("\n")[:rows]
+
+
+def _with_unit(text: list[str], data_rows: int, width: int, unit: str) -> list[str]:
+    """Put the unit into the first free row of the tick labels under the topmost of them."""
+    taken = [bool(line[:width].strip()) for line in text[:data_rows]]
+    free = next((row for row in range(1, data_rows) if taken[row - 1] and not taken[row]), None)
+    if free is None:
+        return text
+    return [*text[:free], unit.rjust(width) + text[free][width:], *text[free + 1 :]]

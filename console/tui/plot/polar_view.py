@@ -1,0 +1,189 @@
+"""Roundness: the deviation from a circle, magnified, against the angle of the part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from console.tui.plot.canvas import DOTS_ACROSS, DOTS_DOWN, BrailleCanvas, Dash, Floats, Glyphs
+from console.tui.plot.cell_view import CellView
+from console.tui.plot.scale import step_125
+from console.tui.plot.spans import Cells
+from console.tui.theme import Token
+
+DIVISIONS = 2
+"""Divisions between the reference ring and the largest deviation that is shown, to either side."""
+_REFERENCE_SHARE = 0.6
+"""The reference ring, as a share of the largest radius: the same room is left within and without."""
+_LEAST_DOTS_PER_DIVISION = 4.0
+"""Nearer to each other than this, rings are a blur."""
+_LEAST_UM_PER_DIVISION = 0.1
+"""A part is not shown rounder than it can be measured."""
+_TICK_DOTS = 3.0
+_BEFORE_DASH = Dash(on=2, off=3)
+_RING_DASH = Dash(on=1, off=1)
+_DIVISION_DASH = Dash(on=1, off=5)
+_RING_LAYER, _MARK_LAYER, _FIRST_TRACE_LAYER = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PolarTrace:
+    """A closed trace; angles counter-clockwise from 3 o'clock. What is not a number leaves a gap."""
+
+    angle_deg: ArrayLike
+    deviation_um: ArrayLike
+    """Outwards positive, from the reference circle, on the radius."""
+    token: Token
+    dashed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """A place on the part, such as jaw 1; the label is of characters one cell wide."""
+
+    angle_deg: float
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dial:
+    """Where the circle lies on a canvas, in dots: as many to the right as up, since dots are square."""
+
+    x: float
+    y: float
+    reference: float
+    """Radius of the reference ring."""
+    division: float
+    """Distance between rings."""
+
+    def spot(self, angle_deg: ArrayLike, radius: ArrayLike) -> tuple[Floats, Floats]:
+        """Return the coordinates of points on the canvas from their angles, deg, and radii, dots."""
+        angle = np.radians(np.asarray(angle_deg, dtype=np.float64))
+        distance = np.asarray(radius, dtype=np.float64)
+        return self.x + distance * np.cos(angle), self.y - distance * np.sin(angle)
+
+    @property
+    def rim(self) -> float:
+        """The largest radius that a trace takes up when the scale fits."""
+        return self.reference + DIVISIONS * self.division
+
+
+def dial(columns: int, rows: int) -> Dial:
+    """Return the largest dial in the middle of a size in cells."""
+    width, height = columns * DOTS_ACROSS, rows * DOTS_DOWN
+    rim = (min(width, height) - 1) / 2.0
+    # The middle lies between dots: with half a dot over, the four outermost dots of the ring are exact.
+    reference = math.floor(_REFERENCE_SHARE * rim) + 0.5
+    return Dial(
+        x=(width - 1) / 2.0,
+        y=(height - 1) / 2.0,
+        reference=reference,
+        division=max(rim - reference, 0.0) / DIVISIONS,
+    )
+
+
+def fitting_um_per_division(traces: Sequence[PolarTrace]) -> float:
+    """Return the smallest round scale on which the largest deviation of all traces fits."""
+    values = [np.abs(np.asarray(trace.deviation_um, dtype=np.float64)) for trace in traces]
+    largest = max((float(value[np.isfinite(value)].max(initial=0.0)) for value in values), default=0.0)
+    return step_125(max(largest / DIVISIONS, _LEAST_UM_PER_DIVISION))
+
+
+def polar_cells(
+    traces: Sequence[PolarTrace],
+    marks: Sequence[Mark],
+    um_per_division: float,
+    columns: int,
+    rows: int,
+    glyphs: Glyphs = "braille",
+) -> Cells:
+    """Return rings, traces and marks for a size in cells; a later trace lies over an earlier one."""
+    cells = Cells.blank(columns, rows)
+    canvas = BrailleCanvas(columns, rows, glyphs)
+    place = dial(columns, rows)
+    _rings(canvas, place)
+    for mark in marks:
+        tick = np.array([max(place.rim - _TICK_DOTS, 0.0), place.rim])
+        canvas.polyline(*place.spot(mark.angle_deg, tick), _MARK_LAYER)
+    for layer, trace in enumerate(traces, start=_FIRST_TRACE_LAYER):
+        deviation = np.asarray(trace.deviation_um, dtype=np.float64) / um_per_division * place.division
+        x, y = place.spot(trace.angle_deg, np.maximum(place.reference + deviation, 0.0))
+        dash = _BEFORE_DASH if trace.dashed else None
+        canvas.polyline(np.append(x, x[:1]), np.append(y, y[:1]), layer, dash)
+    cells.lay(canvas, 0, 0, (Token.RING, Token.MARK, *(trace.token for trace in traces)))
+    for mark in marks:
+        _label(cells, place, mark)
+    return cells
+
+
+def _rings(canvas: BrailleCanvas, place: Dial) -> None:
+    circle_deg = np.arange(361.0)
+    canvas.polyline(*place.spot(circle_deg, np.full(361, place.reference)), _RING_LAYER, _RING_DASH)
+    if place.division >= _LEAST_DOTS_PER_DIVISION:
+        for radius in (place.reference - place.division, place.reference + place.division):
+            canvas.polyline(*place.spot(circle_deg, np.full(361, radius)), _RING_LAYER, _DIVISION_DASH)
+    for angle_deg in (0.0, 90.0):
+        arm = min(_LEAST_DOTS_PER_DIVISION / 2.0, place.reference / 3.0)
+        canvas.polyline(*place.spot(angle_deg, np.array([-arm, arm])), _RING_LAYER)
+
+
+def _label(cells: Cells, place: Dial, mark: Mark) -> None:
+    """Write a label outside the rim, or as far out as there is room."""
+    x, y = (float(value) for value in place.spot(mark.angle_deg, place.rim + DOTS_DOWN / 2.0))
+    length = len(mark.label)
+    cosine = math.cos(math.radians(mark.angle_deg))
+    # To the right of the rim a label begins there, to the left it ends there, above and below it is centred.
+    start = x / DOTS_ACROSS - (1.0 - cosine) / 2.0 * (length - 1)
+    column = min(max(round(start), 0), max(cells.columns - length, 0))
+    row = min(max(int(y // DOTS_DOWN), 0), cells.rows - 1)
+    cells.write(row, column, mark.label, Token.MARK)
+
+
+class PolarView(CellView):
+    """Traces of roundness around one reference ring, all on one scale, and round on the screen."""
+
+    _traces: tuple[PolarTrace, ...] = ()
+    _marks: tuple[Mark, ...] = ()
+    _um_per_division = 1.0
+
+    @property
+    def scale_um_per_division(self) -> float:
+        """The scale of what is shown, um per division, for the caption."""
+        return self._um_per_division
+
+    def show(
+        self,
+        traces: Sequence[PolarTrace],
+        *,
+        um_per_division: float | None = None,
+        marks: Sequence[Mark] = (),
+    ) -> None:
+        """Draw these traces instead of the last ones.
+
+        Args:
+            traces: The one that matters most at the end: it lies on top.
+            um_per_division: The scale, more than 0; without it the smallest round one on which all fits.
+            marks: Places with a label at the rim.
+        """
+        self._traces = tuple(_kept(trace) for trace in traces)
+        self._marks = tuple(marks)
+        self._um_per_division = um_per_division or fitting_um_per_division(self._traces)
+        self.redraw()
+
+    def draw(self, columns: int, rows: int) -> Cells:
+        """Return the picture of the last data for a size in cells."""
+        return polar_cells(self._traces, self._marks, self._um_per_division, columns, rows, self.glyphs)
+
+
+def _kept(trace: PolarTrace) -> PolarTrace:
+    """Return a copy that stays as it is when the caller reuses its arrays."""
+    return PolarTrace(
+        angle_deg=np.array(trace.angle_deg, dtype=np.float64),
+        deviation_um=np.array(trace.deviation_um, dtype=np.float64),
+        token=trace.token,
+        dashed=trace.dashed,
+    )

@@ -1,0 +1,117 @@
+"""Traces over an axis: tool error against spindle angle, position against time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from console.tui.plot.canvas import BrailleCanvas, Dash, Glyphs
+from console.tui.plot.cell_view import CellView
+from console.tui.plot.frame import FRAMES_KEPT, Limits, PlotFrame, plot_frame
+from console.tui.plot.spans import Cells
+from console.tui.theme import Token
+
+DASH = Dash(on=2, off=4)
+"""Dots that keep apart even where a line is steep, so that a trace is known without its colour."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Series:
+    """One trace in the units of the axes; values that are not numbers leave gaps."""
+
+    x: ArrayLike
+    y: ArrayLike
+    token: Token
+    dots: bool = False
+    """Single dots instead of a line: for many turns over each other."""
+    dashed: bool = False
+    """A broken line, so that it differs from another without colour."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TracePicture:
+    """All that a picture of traces is made from, apart from its size."""
+
+    series: Sequence[Series] = ()
+    x_limits: Limits = (0.0, 1.0)
+    y_limits: Limits = (0.0, 1.0)
+    y_unit: str = ""
+    x_unit: str = ""
+
+
+def trace_cells(picture: TracePicture, columns: int, rows: int, glyphs: Glyphs = "braille") -> Cells:
+    """Return the traces over their axes for a size in cells; a later trace lies over an earlier one."""
+    frame = plot_frame(columns, rows, picture.x_limits, picture.y_limits, picture.y_unit, picture.x_unit)
+    cells = _axes(frame).copy()
+    canvas = BrailleCanvas(frame.data_columns, frame.data_rows, glyphs)
+    for layer, series in enumerate(picture.series):
+        _trace(canvas, frame, series, layer)
+    cells.lay(canvas, 0, frame.left, tuple(series.token for series in picture.series))
+    return cells
+
+
+@lru_cache(maxsize=FRAMES_KEPT)
+def _axes(frame: PlotFrame) -> Cells:
+    cells = Cells.blank(len(frame.rows[0]), len(frame.rows))
+    for row, text in enumerate(frame.rows):
+        cells.write(row, 0, text, Token.AXIS)
+    return cells
+
+
+def _trace(canvas: BrailleCanvas, frame: PlotFrame, series: Series, layer: int) -> None:
+    x, y = frame.to_dots(series.x, series.y)
+    if series.dots:
+        canvas.points(x, y, layer)
+    else:
+        canvas.polyline(x, y, layer, DASH if series.dashed else None)
+
+
+class TraceView(CellView):
+    """Traces over fixed axes; new data cost what they change."""
+
+    _picture = TracePicture()
+
+    def show(
+        self,
+        series: Sequence[Series],
+        x_limits: Limits,
+        y_limits: Limits,
+        y_unit: str,
+        x_unit: str = "",
+    ) -> None:
+        """Draw these traces instead of the last ones.
+
+        Args:
+            series: The traces, the one that matters most at the end: it lies on top.
+            x_limits: What the axis spans; a full turn (0 to 360) is divided by the jaws, any other evenly.
+            y_limits: What the other axis spans; `scale.nice_limits` has round ones that keep still.
+            y_unit: Stands under the topmost tick.
+            x_unit: Follows the last tick.
+        """
+        self._picture = TracePicture(
+            series=tuple(_kept(each) for each in series),
+            x_limits=x_limits,
+            y_limits=y_limits,
+            y_unit=y_unit,
+            x_unit=x_unit,
+        )
+        self.redraw()
+
+    def draw(self, columns: int, rows: int) -> Cells:
+        """Return the picture of the last data for a size in cells."""
+        return trace_cells(self._picture, columns, rows, self.glyphs)
+
+
+def _kept(series: Series) -> Series:
+    """Return a copy that stays as it is when the caller reuses its arrays."""
+    return Series(
+        x=np.array(series.x, dtype=np.float64),
+        y=np.array(series.y, dtype=np.float64),
+        token=series.token,
+        dots=series.dots,
+        dashed=series.dashed,
+    )

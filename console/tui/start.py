@@ -1,0 +1,104 @@
+"""`console --sim`: from the command line to the first screen, and out again with the machine at rest."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from argparse import Namespace
+from pathlib import Path
+from types import FrameType
+
+from console.cli.library import data_of, machine_of
+from console.session.errors import SessionError
+from console.session.link_thread import LinkThread, Opened
+from console.session.signals import ENDING_SIGNALS
+from console.text.catalogue import Catalogue
+from console.tui.app import ConsoleApp
+from console.tui.driver import StopDriver
+from console.tui.theme import COLOUR, MONO
+from profiles.problem import Problem
+from profiles.store import LoadedMachine
+
+COAST_LIMIT_S = 75.0
+"""How long a machine may take to be proven at rest after the screen is gone."""
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Run the screen; return the exit code.
+
+    Raises:
+        ProblemError: no machine to open, no terminal, or a profile that cannot be used.
+    """
+    if not options.sim:
+        raise SessionError(Problem(code="session.no_machine"))
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise SessionError(Problem(code="screen.no_terminal"))
+    machine, data = machine_of(options), data_of(options)
+    link = LinkThread(machine.machine.name, True, lambda: _open(machine, data))
+    app = ConsoleApp(
+        text=text,
+        palette=MONO if os.environ.get("NO_COLOR") else COLOUR,
+        control=link,
+        machine=machine,
+        data=data,
+        begin=link.start,
+        driver_class=StopDriver,
+    )
+    ending = _Ending(link, app)
+    ending.install()
+    try:
+        app.run(mouse=False)
+    finally:
+        rested = _left(link, ending, text)
+    if app.fault is not None:
+        raise app.fault
+    return _exit_code(app, ending, rested, text)
+
+
+def _open(machine: LoadedMachine, data: Path) -> Opened:
+    """Open the machine, in the link thread: what this imports takes longer than the first paint."""
+    from console.session.opening import open_simulated
+
+    return open_simulated(machine, data)
+
+
+class _Ending:
+    """A signal that ends the console: the machine is stopped in the handler itself, then the screen is left."""
+
+    def __init__(self, link: LinkThread, app: ConsoleApp) -> None:
+        self.reason: str | None = None
+        self._link, self._app = link, app
+
+    def install(self) -> None:
+        for number in ENDING_SIGNALS:
+            signal.signal(number, self._handle)
+
+    def _handle(self, number: int, _: FrameType | None) -> None:
+        self.reason = self.reason or signal.Signals(number).name
+        self._link.end(self.reason, must_leave=True)
+        self._app.leave_soon()
+
+
+def _left(link: LinkThread, ending: _Ending, text: Catalogue) -> bool:
+    """Leave the machine at rest; say that this takes a moment where it does."""
+    link.end(ending.reason or "quit")
+    if link.join(1.0):
+        return True
+    _say(text("leave.waiting"))
+    return link.join(COAST_LIMIT_S)
+
+
+def _exit_code(app: ConsoleApp, ending: _Ending, rested: bool, text: Catalogue) -> int:
+    if ending.reason is not None:
+        _say(text("leave.ended", reason=ending.reason))
+    if not rested:
+        _say(text.problem(Problem(code="machine.state_unknown")))
+    return 0 if rested and ending.reason is None and app.return_code in (0, None) else 1
+
+
+def _say(line: str) -> None:
+    try:
+        print(f"console: {line}", file=sys.stderr)
+    except OSError:
+        pass  # the terminal is gone; the exit code still tells

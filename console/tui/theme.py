@@ -1,0 +1,143 @@
+"""The one place where colours are: every word, line and trace on the screen has a token, a token has a style.
+
+Normal is grey; colour appears when something wants attention, and never says anything alone: each state also
+has a word and a mark. Magenta is the simulator's. All colours keep apart in 256-colour terminals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from rich.style import Style
+from textual.theme import Theme
+
+
+class Token(Enum):
+    """What a piece of the screen means."""
+
+    TEXT = auto()
+    DIM = auto()
+    """What is there but wants nothing: units, frames, finished steps."""
+    STRONG = auto()
+    TITLE = auto()
+    SELECTED = auto()
+    """The row or page that the keys speak to."""
+    ACTION = auto()
+    """What the operator does next."""
+    OK = auto()
+    WARNING = auto()
+    ALARM = auto()
+    STALE = auto()
+    """A value that is no longer fresh."""
+    SIM = auto()
+    STOP = auto()
+    KEY = auto()
+    AXIS = auto()
+    RING = auto()
+    MARK = auto()
+    BEFORE = auto()
+    AFTER = auto()
+    COMMAND = auto()
+    WANTED = auto()
+
+
+BACKGROUND = "#121416"
+PANEL = "#121416"
+_GREY, _DIM, _BRIGHT = "#c6c6c6", "#8a8a8a", "#ffffff"
+_BLUE, _YELLOW, _RED, _MAGENTA, _CYAN, _ORANGE = (
+    "#5fafff",
+    "#ffd75f",
+    "#ff5f5f",
+    "#d75fd7",
+    "#5fd7d7",
+    "#ffaf5f",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Palette:
+    """A style for every token, always with one: a strip without a style is not drawn safely."""
+
+    styles: Mapping[Token, Style]
+
+    def style(self, token: Token) -> Style:
+        """Return the style of a token."""
+        return self.styles[token]
+
+
+def _on_dark(colour: str, bold: bool = False, strike: bool = False) -> Style:
+    return Style(color=colour, bgcolor=BACKGROUND, bold=bold, strike=strike)
+
+
+def _block(background: str) -> Style:
+    return Style(color="#000000", bgcolor=background, bold=True)
+
+
+COLOUR = Palette(
+    {
+        Token.TEXT: _on_dark(_GREY),
+        Token.DIM: _on_dark(_DIM),
+        Token.STRONG: _on_dark(_BRIGHT, bold=True),
+        Token.TITLE: _on_dark(_GREY, bold=True),
+        Token.SELECTED: _block(_GREY),
+        Token.ACTION: _on_dark(_BLUE, bold=True),
+        Token.OK: _on_dark(_GREY),
+        Token.WARNING: _on_dark(_YELLOW, bold=True),
+        Token.ALARM: _block(_RED),
+        Token.STALE: _on_dark(_DIM, strike=True),
+        Token.SIM: _block(_MAGENTA),
+        Token.STOP: _block(_BRIGHT),
+        Token.KEY: _on_dark(_BRIGHT),
+        Token.AXIS: _on_dark(_DIM),
+        Token.RING: _on_dark("#626262"),
+        Token.MARK: _on_dark(_BRIGHT, bold=True),
+        Token.BEFORE: _on_dark(_ORANGE),
+        Token.AFTER: _on_dark(_CYAN),
+        Token.COMMAND: _on_dark(_ORANGE),
+        Token.WANTED: _on_dark(_CYAN),
+    }
+)
+
+_REVERSED = (Token.SELECTED, Token.ALARM, Token.SIM, Token.STOP)
+_BOLD = (Token.STRONG, Token.TITLE, Token.ACTION, Token.WARNING, Token.KEY, Token.MARK)
+
+
+def _mono(token: Token) -> Style:
+    return Style(color="default", bgcolor="default", reverse=token in _REVERSED, bold=token in _BOLD)
+
+
+MONO = Palette({token: _mono(token) for token in Token})
+"""For terminals that were asked to show no colour: words and marks say it all."""
+
+DARK_THEME = Theme(
+    name="trilobe-dark",
+    primary=_GREY,
+    secondary=_DIM,
+    accent=_BLUE,
+    warning=_YELLOW,
+    error=_RED,
+    success=_GREY,
+    foreground=_GREY,
+    background=BACKGROUND,
+    surface=BACKGROUND,
+    panel=PANEL,
+    dark=True,
+)
+
+MONO_THEME = Theme(
+    name="trilobe-mono",
+    primary="ansi_default",
+    secondary="ansi_default",
+    accent="ansi_default",
+    warning="ansi_default",
+    error="ansi_default",
+    success="ansi_default",
+    foreground="ansi_default",
+    background="ansi_default",
+    surface="ansi_default",
+    panel="ansi_default",
+    dark=True,
+    ansi=True,
+)

@@ -1,0 +1,54 @@
+"""`python -m drivers.simulator`: the simulated lathe as a process of its own, in real time, on a pseudo-terminal.
+
+It is started by `drivers.simulator.process` and lives as long as the channel to it: when that ends, however it
+came about, or a signal asks for it, the process is gone and has left nothing behind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import socket
+from random import Random, SystemRandom
+
+from drivers.simulator.channel import converse
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import as_mounted
+from drivers.simulator.pty import PtyHost
+from drivers.simulator.real_time import ending_signals, keep_time
+from profiles.store import load_machine
+
+
+def main() -> None:
+    """Read the command line and serve."""
+    parser = argparse.ArgumentParser(prog="python -m drivers.simulator", description="The simulated lathe.")
+    parser.add_argument("--channel", type=_channel, required=True, metavar="FD", help="inherited stream socket")
+    parser.add_argument("--machine", required=True, metavar="PATH", help="machine profile")
+    parser.add_argument("--seed", type=int, metavar="N", help="mount chuck and tool the same way each time")
+    options = parser.parse_args()
+    machine = load_machine(options.machine).machine
+    random = SystemRandom() if options.seed is None else Random(options.seed)
+    asyncio.run(_serve(SimulatedLathe(machine, as_mounted(machine, random)), options.channel))
+
+
+async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
+    ended = ending_signals()
+    reader, writer = await asyncio.open_connection(sock=channel)
+    host = PtyHost(lathe)
+    try:
+        await keep_time(lathe, (host,), ended.wait(), converse(lathe, host.device, reader, writer))
+    finally:
+        host.close()
+        writer.transport.abort()
+
+
+def _channel(word: str) -> socket.socket:
+    """Take over an inherited socket; argparse tells of a `ValueError` in one line."""
+    try:
+        return socket.socket(fileno=int(word))
+    except OSError as error:
+        raise ValueError(word) from error
+
+
+if __name__ == "__main__":
+    main()

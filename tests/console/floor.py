@@ -1,0 +1,125 @@
+"""A station in one process with a simulated lathe, on a clock that is advanced."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from console.session.intents import (
+    Approach,
+    Arm,
+    ConfirmClamping,
+    Home,
+    Intent,
+    Jog,
+    SwitchOff,
+    SwitchOn,
+    TakeJaw,
+    TakeTouchOff,
+)
+from console.session.state import StationState
+from console.session.station import Station
+from console.session.workplace import Workplace
+from drivers.cut import Strategy
+from drivers.lathe import Lathe
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import as_mounted
+from drivers.snapshot import AxisName, Snapshot
+from drivers.stop import StopPath
+from profiles.job import Job
+from profiles.store import load_job, load_machine
+
+LOCAL_TIME = "21 Nov 10:00"
+
+
+@dataclass(kw_only=True)
+class Floor:
+    """`looks` are called with every look at the machine, before the station sees it."""
+
+    sim: SimulatedLathe
+    lathe: Lathe
+    stop: StopPath
+    link: MemoryLink
+    station: Station
+    place: Workplace
+    looks: list[Callable[[Snapshot], None]] = field(default_factory=list)
+
+    @property
+    def state(self) -> StationState:
+        return self.station.state
+
+    def do(self, intent: Intent) -> StationState:
+        """Order something and have it carried out; it must be taken."""
+        assert self.station.post(intent), self.state.refusals
+        self.station.step()
+        return self.state
+
+    def idle(self, seconds: float = 0.3) -> StationState:
+        """Let time pass, and look."""
+        self.sim.wait(seconds)
+        self.station.step()
+        return self.state
+
+    def set_up(self, job: Job) -> None:
+        """Clamp, switch on and home, find jaw 1 and touch off, by what can be seen at the chuck."""
+        self.do(SwitchOff())
+        self.do(ConfirmClamping(job=job))
+        self.do(SwitchOn())
+        self.do(Home())
+        for _ in range(2):
+            seen = self.idle().seen
+            assert seen is not None
+            self.do(Jog(axis=AxisName.SPINDLE, distance=-seen.jaw_1_past_mark_deg))
+        self.do(TakeJaw())
+        self.do(Approach(job=job))
+        for _ in range(2):
+            seen = self.idle().seen
+            assert seen is not None and seen.tool_gap_mm is not None
+            self.do(Jog(axis=AxisName.TOOL, distance=seen.tool_gap_mm))
+        self.do(TakeTouchOff(radius_mm=job.radius_mm))
+
+    def arm(self, job: Job, strategy: Strategy = Strategy.PVT) -> StationState:
+        return self.do(Arm(job=job, job_sha256="0" * 64, strategy=strategy))
+
+    def when(self, condition: Callable[[Snapshot], bool], act: Callable[[], None]) -> None:
+        """Do something once, at the first look that fulfils a condition."""
+        done: list[bool] = []
+
+        def look(snapshot: Snapshot) -> None:
+            if not done and condition(snapshot):
+                done.append(True)
+                act()
+
+        self.looks.append(look)
+
+
+def open_floor(records: Path, seed: int = 1) -> Floor:
+    """A station on a machine whose chuck and tool were mounted by chance; connected and verified."""
+    machine = load_machine("lee-2001-lathe")
+    sim = SimulatedLathe(machine.machine, as_mounted(machine.machine, random.Random(seed)))
+    link = MemoryLink(sim.connect(), sim)
+    stop = StopPath(link)
+    made: list[Floor] = []
+
+    def seen(snapshot: Snapshot) -> None:
+        for floor in made:
+            for look in floor.looks:
+                look(snapshot)
+            floor.station.seen(snapshot)
+
+    lathe = Lathe(PmacClient(link, sim), machine.machine, sim, stop, seen)
+    place = Workplace(
+        lathe=lathe, machine=machine, clock=sim, shop=sim, records=records, local_time=lambda: LOCAL_TIME
+    )
+    floor = Floor(sim=sim, lathe=lathe, stop=stop, link=link, station=Station(place), place=place)
+    made.append(floor)
+    assert floor.station.connect()
+    return floor
+
+
+def experiment_1() -> Job:
+    return load_job("lee-2001-experiment-1").job

@@ -1,0 +1,130 @@
+"""The overrun that the screen promises, against the trajectories of the controller's own jogs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from console.session.alignment import Alignment, TouchOff
+from console.session.jogging import (
+    STEPS_DEG,
+    STEPS_MM,
+    longest_in_mm,
+    overrun,
+    peak_speed,
+    step_of,
+    tool_radius_mm,
+)
+from drivers.pmac.trajectory.jog import JogSettings, jog_to
+from drivers.pmac.trajectory.pieces import Piece, position_at, velocity_at
+from drivers.snapshot import AxisName
+from profiles.machine import MachineProfile
+from profiles.store import load_machine
+
+COUNTS_PER_UNIT = {AxisName.TOOL: 5000.0, AxisName.SPINDLE: 10000.0 / 360.0, AxisName.CARRIAGE: 1000.0}
+MOTORS = {AxisName.TOOL: 1, AxisName.SPINDLE: 2, AxisName.CARRIAGE: 3}
+LATE_MS = 55.0
+"""5 ms of the controller's background work and 50 ms of the link."""
+
+STEPS = [(axis, rung) for axis in AxisName for rung in range(len(STEPS_MM))]
+
+
+@pytest.fixture(scope="module")
+def machine() -> MachineProfile:
+    return load_machine("lee-2001-lathe").machine
+
+
+def with_variable(machine: MachineProfile, name: str, value: float) -> MachineProfile:
+    variables = {**machine.controller.variables, name: value}
+    return replace(machine, controller=replace(machine.controller, variables=variables))
+
+
+def trajectory(machine: MachineProfile, axis: AxisName, step: float) -> tuple[Piece, ...]:
+    given, motor = machine.controller.variables, MOTORS[axis]
+    settings = JogSettings(
+        acceleration=given[f"I{motor}19"],
+        ta_ms=given[f"I{motor}20"],
+        ts_ms=given[f"I{motor}21"],
+        speed=given[f"I{motor}22"],
+    )
+    return jog_to(0.0, step * COUNTS_PER_UNIT[axis], settings)
+
+
+def at(pieces: tuple[Piece, ...], t_ms: float) -> tuple[float, float]:
+    """Position and velocity in counts and ms."""
+    for piece in pieces:
+        if t_ms <= piece.duration_ms:
+            return position_at(piece.cubics[0], t_ms), velocity_at(piece.cubics[0], t_ms)
+        t_ms -= piece.duration_ms
+    return position_at(pieces[-1].cubics[0], pieces[-1].duration_ms), 0.0
+
+
+def farthest(machine: MachineProfile, axis: AxisName, step: float) -> float:
+    """The longest way on after a stop, of presses at a thousand moments of the step, mm or degrees."""
+    pieces = trajectory(machine, axis, step)
+    end_ms = sum(piece.duration_ms for piece in pieces)
+    rate = machine.controller.variables[f"I{MOTORS[axis]}15"]
+    worst = 0.0
+    for n in range(1001):
+        pressed_ms = end_ms * n / 1000.0
+        position, velocity = at(pieces, pressed_ms + LATE_MS)
+        worst = max(worst, position + velocity**2 / (2.0 * rate) - at(pieces, pressed_ms)[0])
+    return worst / COUNTS_PER_UNIT[axis]
+
+
+@pytest.mark.parametrize(("axis", "rung"), STEPS)
+def test_no_stop_in_a_step_runs_further_than_is_promised(
+    machine: MachineProfile, axis: AxisName, rung: int
+) -> None:
+    step = step_of(axis, rung)
+    assert farthest(machine, axis, step) <= overrun(machine, axis, step) + 1e-9
+
+
+@pytest.mark.parametrize(("axis", "rung"), STEPS)
+def test_a_soft_abort_may_go_beyond_the_step_and_is_told_so(
+    machine: MachineProfile, axis: AxisName, rung: int
+) -> None:
+    soft = with_variable(machine, f"I{MOTORS[axis]}15", 0.01)
+    step = step_of(axis, rung)
+    assert farthest(soft, axis, step) <= overrun(soft, axis, step) + 1e-9
+
+
+@pytest.mark.parametrize(("axis", "rung"), STEPS)
+def test_no_step_is_faster_than_its_peak_speed(machine: MachineProfile, axis: AxisName, rung: int) -> None:
+    step = step_of(axis, rung)
+    pieces = trajectory(machine, axis, step)
+    end_ms = sum(piece.duration_ms for piece in pieces)
+    fastest = max(at(pieces, end_ms * n / 500.0)[1] for n in range(501))
+    assert fastest <= peak_speed(machine, axis, step) + 1e-9
+
+
+def test_a_long_step_of_the_tool_runs_on_about_half_a_millimetre(machine: MachineProfile) -> None:
+    # 10 mm/s for 55 ms, then 50 counts/ms at 40 counts/ms2: 31 counts of 0.2 um.
+    assert overrun(machine, AxisName.TOOL, 10.0) == pytest.approx(0.550 + 0.00625)
+
+
+def test_a_short_step_never_reaches_the_jog_speed(machine: MachineProfile) -> None:
+    assert overrun(machine, AxisName.TOOL, 0.01) < 0.01
+    assert overrun(machine, AxisName.TOOL, -0.01) == overrun(machine, AxisName.TOOL, 0.01)
+
+
+def test_without_an_abort_rate_nothing_is_promised(machine: MachineProfile) -> None:
+    assert overrun(with_variable(machine, "I115", 0.0), AxisName.TOOL, 0.001) == float("inf")
+
+
+def test_the_ladder_is_in_degrees_for_the_spindle_alone() -> None:
+    assert [step_of(axis, 2) for axis in AxisName] == [0.1, 1.0, 0.1]
+    assert len(STEPS_MM) == len(STEPS_DEG)
+
+
+def test_steps_toward_the_work_keep_to_the_gap_that_is_known() -> None:
+    assert longest_in_mm(None) == 1.0
+    assert longest_in_mm(2.5) == 2.5
+    assert longest_in_mm(-0.1) == 0.01
+
+
+def test_the_tool_radius_is_that_of_the_touch_off(machine: MachineProfile) -> None:
+    assert tool_radius_mm(250_000.0, machine, Alignment()) == pytest.approx(26.0)
+    touched = Alignment(touch_off=TouchOff(zero_radius_mm=76.1, at="08:45"))
+    assert tool_radius_mm(250_000.0, machine, touched) == pytest.approx(26.1)

@@ -1,0 +1,246 @@
+"""The operator's orders on a simulated machine: a whole part, and everything that comes in between."""
+
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from console.session.intents import (
+    ConfirmClamping,
+    Hold,
+    Home,
+    Jog,
+    Measure,
+    Recover,
+    Retract,
+    Start,
+    SwitchOff,
+    SwitchOn,
+    TakeTouchOff,
+)
+from console.session.progress import CutStage
+from console.session.state import Activity, StationState
+from drivers.cut import Strategy
+from drivers.snapshot import AxisName, Snapshot
+from tests.console.floor import Floor, experiment_1, open_floor
+
+
+@pytest.fixture
+def floor(tmp_path: Path) -> Floor:
+    return open_floor(tmp_path)
+
+
+@pytest.fixture
+def aligned(floor: Floor) -> Floor:
+    floor.set_up(experiment_1())
+    return floor
+
+
+def codes(state: StationState) -> list[str]:
+    return [problem.code for problem in state.refusals]
+
+
+def hold(floor: Floor) -> None:
+    assert floor.station.post(Hold())
+
+
+def in_the_part(floor: Floor) -> bool:
+    cut = floor.state.cut
+    return cut is not None and cut.stage is CutStage.CUT and cut.turn > 20.0
+
+
+def test_an_aligned_part_comes_out_round(aligned: Floor) -> None:
+    job = experiment_1()
+    assert aligned.state.refusals == ()
+    aligned.arm(job)
+    state = aligned.do(Start())
+    assert state.cut is not None and state.cut.stage is CutStage.DONE and state.cut_done
+    assert state.cut.figures is not None and state.cut.figures.spindle_speed_rpm == pytest.approx(1000.0, abs=0.5)
+    measured = aligned.do(Measure()).measured
+    # 0.05 deg of jaw angle is 0.14 um of 55, one thousandth of a millimetre of touch-off is none of roundness.
+    assert measured is not None and measured.result.ront_um < 0.3
+    assert aligned.state.alignment.clamping is None
+
+
+def test_without_alignment_of_the_phase_the_lobe_stays(floor: Floor) -> None:
+    """The true angle of jaw 1 belongs to the plant: taken 60 deg off, the tool doubles the lobe."""
+    job = experiment_1()
+    floor.set_up(job)
+    jaw = floor.state.alignment.jaw
+    assert jaw is not None
+    wrong = replace(jaw, angle_deg=(jaw.angle_deg + 60.0) % 360.0)
+    floor.place.tell(alignment=replace(floor.state.alignment, jaw=wrong))
+    floor.arm(job)
+    floor.do(Start())
+    measured = floor.do(Measure()).measured
+    assert measured is not None and measured.result.ront_um == pytest.approx(2 * 55.0, rel=0.01)
+
+
+def test_a_part_cut_without_compensation_is_kept_as_the_one_before(aligned: Floor) -> None:
+    aligned.arm(experiment_1(), Strategy.NONE)
+    aligned.do(Start())
+    state = aligned.do(Measure())
+    assert state.uncompensated is state.measured
+    assert state.measured is not None and state.measured.result.ront_um == pytest.approx(55.0, rel=0.01)
+
+
+def test_arming_without_alignment_gives_every_reason(floor: Floor) -> None:
+    state = floor.arm(experiment_1())
+    assert state.armed is None
+    assert codes(state) == [
+        "alignment.no_clamping",
+        "alignment.drives_off",
+        "alignment.not_homed",
+        "alignment.no_jaw",
+        "alignment.no_touch_off",
+    ]
+
+
+def test_a_start_that_comes_too_late_moves_nothing(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    before = aligned.idle().snapshot
+    state = aligned.idle(10.5)
+    assert state.armed is None and codes(state) == ["session.arm_expired"]
+    state = aligned.do(Start())
+    assert codes(state) == ["session.not_armed"]
+    # The tool still creeps the last micrometres into its position.
+    assert before is not None and state.snapshot is not None and state.snapshot.near(before, 100.0)
+
+
+def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
+    job = experiment_1()
+    aligned.arm(job)
+    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    state = aligned.do(Start())
+    assert state.activity is Activity.STOPPED and state.stop is not None
+    assert state.stop.reason == "space" and state.stop.rest_s is not None
+    assert state.stop.tool_in_part and state.stop.can_retract and not state.cut_done
+    assert not aligned.station.post(Retract())
+    assert codes(aligned.state) == ["session.stopped"]
+    state = aligned.do(Recover())
+    assert state.activity is Activity.READY and state.stop is None
+    aligned.do(Retract())
+    assert aligned.state.refusals == () and not aligned.state.alarms
+    aligned.arm(job)
+    assert aligned.do(Start()).cut_done
+    measured = aligned.do(Measure()).measured
+    assert measured is not None and measured.result.ront_um < 0.3
+
+
+def test_a_hold_leaves_whole_turns_and_the_tool_out(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), lambda: hold(aligned))
+    state = aligned.do(Start())
+    assert state.activity is Activity.READY and state.refusals == () and state.stop is None
+    assert state.cut is not None and state.cut.stage is CutStage.HELD and not state.cut_done
+    assert 20.0 < state.cut.turn < 60.0
+    snapshot = state.snapshot
+    assert snapshot is not None and snapshot.at_rest and snapshot.homed and snapshot.loops_closed
+
+
+def test_an_order_is_refused_while_another_is_carried_out(floor: Floor) -> None:
+    floor.do(SwitchOn())
+    answers: list[bool] = []
+    floor.when(lambda s: s.moving, lambda: answers.append(floor.station.post(SwitchOff())))
+    state = floor.do(Home())
+    assert answers == [False]
+    assert state.alignment.homed and state.alignment.drives_on
+
+
+def test_a_screen_that_is_silent_in_a_cut_stops_the_machine(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.station.beat()
+    state = aligned.do(Start())
+    assert state.stop is not None and state.stop.reason == "screen"
+    assert [alarm.problem.code for alarm in state.alarms] == ["session.screen_silent"]
+
+
+def test_hands_and_drives_do_not_meet(floor: Floor) -> None:
+    floor.do(SwitchOn())
+    assert codes(floor.do(ConfirmClamping(job=experiment_1()))) == ["alignment.drives_on"]
+
+
+def test_a_part_clamped_with_another_force_is_not_confirmed(floor: Floor) -> None:
+    job = replace(experiment_1(), chucking_force_n=1400.0)
+    assert codes(floor.do(ConfirmClamping(job=job))) == ["rule.force_differs"]
+    assert floor.state.alignment.clamping is None
+
+
+def test_a_jog_before_home_is_refused(floor: Floor) -> None:
+    floor.do(SwitchOn())
+    assert codes(floor.do(Jog(axis=AxisName.TOOL, distance=0.1))) == ["alignment.not_homed"]
+    assert floor.state.stop is None
+
+
+def test_a_jog_beyond_the_travel_is_refused_and_the_machine_left_alone(aligned: Floor) -> None:
+    state = aligned.do(Jog(axis=AxisName.CARRIAGE, distance=1000.0))
+    assert codes(state) == ["machine.beyond_travel"]
+    assert state.stop is None and state.alignment.drives_on
+
+
+def test_a_touch_off_far_from_the_expected_radius_is_refused(aligned: Floor) -> None:
+    state = aligned.do(TakeTouchOff(radius_mm=experiment_1().diameter_mm))
+    assert codes(state) == ["alignment.touch_off_far"]
+
+
+def test_with_the_zeros_gone_the_alignment_says_why(aligned: Floor) -> None:
+    for motor in aligned.sim.controller.motors.values():
+        motor.home_complete = False
+    state = aligned.idle()
+    assert not state.alignment.homed and state.alignment.jaw is None and state.alignment.touch_off is None
+    assert [problem.code for problem in state.alignment.lost] == ["alignment.home_lost"]
+
+
+def test_a_stop_at_rest_is_proven_and_taken_back(floor: Floor) -> None:
+    floor.stop.stop("escape")
+    state = floor.idle()
+    assert state.activity is Activity.STOPPED and state.stop is not None and state.stop.rest_s is not None
+    assert floor.do(Recover()).activity is Activity.READY
+
+
+def test_the_zeros_survive_drives_off_between_parts(aligned: Floor) -> None:
+    aligned.do(SwitchOff())
+    state = aligned.state
+    assert not state.alignment.drives_on and state.alignment.jaw is not None and state.alignment.homed
+
+
+def test_leaving_in_mid_motion_stops_and_switches_off(floor: Floor) -> None:
+    floor.do(SwitchOn())
+    floor.station.close("SIGHUP")
+    snapshot = floor.lathe.snapshot()
+    assert snapshot.at_rest and snapshot.loops_open
+
+
+def test_every_cut_is_in_the_record(aligned: Floor, tmp_path: Path) -> None:
+    aligned.arm(experiment_1())
+    aligned.do(Start())
+    aligned.do(Measure())
+    with sqlite3.connect(tmp_path / "records.sqlite3") as database:
+        kinds = [kind for (kind,) in database.execute("SELECT kind FROM events ORDER BY number")]
+        runs = database.execute("SELECT job, simulated, strategy FROM runs").fetchall()
+    database.close()
+    assert kinds == ["armed", "started", "cut", "measured"]
+    assert runs == [("lee-2001-experiment-1", 1, "pvt")]
+
+
+def test_an_axis_fault_stops_everything(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+
+    def trip() -> None:
+        aligned.sim.controller.motors[1].fatal_error = True
+
+    aligned.when(lambda _: in_the_part(aligned), trip)
+    state = aligned.do(Start())
+    assert state.stop is not None and not state.cut_done
+    assert "machine.fault" in [alarm.problem.code for alarm in state.alarms]
+
+
+def test_what_is_seen_at_the_chuck_is_not_needed_for_the_machine(aligned: Floor) -> None:
+    def blind(_: Snapshot) -> None:
+        aligned.place.shop = None
+
+    aligned.looks.append(blind)
+    assert aligned.idle().activity is Activity.READY

@@ -1,0 +1,285 @@
+"""After a stop the operator goes on: only when rest is proven, and never over a stop that comes meanwhile."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import contextmanager, suppress
+from types import CodeType, FrameType
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from drivers.errors import DriverError, LinkError
+from drivers.pmac.program_text import read_program
+from drivers.snapshot import AxisName
+from drivers.stop import StopPath, StoppedError
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.drivers.conftest import Bench
+
+SLOW = "OPEN PROG 3\nCLEAR\nINC\nTA100 TS0 TM60000\nZ60000\nCLOSE\n"
+FAULTY = "OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nZ10\nP(0-1)=1\nCLOSE\n"
+
+
+class Wire:
+    """A link that only writes down which stops are sent."""
+
+    address = "wire"
+
+    def __init__(self) -> None:
+        self.urgent: list[bytes] = []
+        self.meanwhile: Callable[[], None] = lambda: None
+
+    def send(self, data: bytes) -> None: ...
+
+    def receive(self, timeout_s: float) -> bytes:
+        return b""
+
+    def send_urgent(self, data: bytes) -> None:
+        self.meanwhile()
+        self.urgent.append(data)
+
+    def close(self) -> None: ...
+
+
+def refusal(act: Callable[[], object]) -> Problem:
+    with pytest.raises(DriverError) as refused:
+        act()
+    return refused.value.problems[0]
+
+
+def stopped_and_proven() -> tuple[Wire, StopPath]:
+    wire = Wire()
+    stop = StopPath(wire)
+    stop.loops_closed = True
+    stop.stop("first")
+    mark = stop.mark
+    assert mark is not None
+    stop.rest_proven(mark)
+    return wire, stop
+
+
+@contextmanager
+def interrupted(code: CodeType, instant: int, act: Callable[[], None]) -> Iterator[list[int]]:
+    """Do something before the instruction number `instant` of a function, as a signal or another thread might."""
+    reached = [0]
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        if frame.f_code is not code:
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            reached[0] += 1
+            if reached[0] == instant:
+                sys.settrace(None)
+                act()
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        yield reached
+    finally:
+        sys.settrace(before)
+
+
+def instructions(code: CodeType, act: Callable[[], object]) -> int:
+    with interrupted(code, -1, lambda: None) as reached:
+        act()
+    return reached[0]
+
+
+@pytest.mark.parametrize("kill", [False, True])
+def test_a_stop_at_any_instant_of_a_release_stays_in_force(kill: bool) -> None:
+    code = StopPath.release.__code__
+    count = instructions(code, stopped_and_proven()[1].release)
+    assert count > 10
+    for instant in range(1, count + 1):
+        wire, stop = stopped_and_proven()
+        press = stop.kill if kill else stop.stop
+        with interrupted(code, instant, lambda press=press: press("late")), suppress(DriverError):  # type: ignore[misc]
+            stop.release()
+        assert len(wire.urgent) == 2, "it was sent"
+        assert not stop.proven
+        assert stop.killed or not kill
+        with pytest.raises(StoppedError):
+            stop.check()
+        assert refusal(stop.release).code == "stop.not_proven"
+
+
+@pytest.mark.parametrize("kill", [False, True])
+def test_a_release_at_any_instant_of_a_stop_does_not_take_it_back(kill: bool) -> None:
+    code = StopPath._send.__code__
+    fresh = stopped_and_proven()[1]
+    count = instructions(code, lambda: fresh.stop("late"))
+
+    def proof_and_release(stop: StopPath) -> None:
+        mark = stop.mark
+        if mark is not None:
+            stop.rest_proven(mark)
+        with suppress(DriverError):
+            stop.release()
+
+    for instant in range(1, count + 1):
+        wire, stop = stopped_and_proven()
+        press = stop.kill if kill else stop.stop
+        with interrupted(code, instant, lambda stop=stop: proof_and_release(stop)):  # type: ignore[misc]
+            press("late")
+        sent = stop.mark == len(wire.urgent) == 2
+        assert sent
+        over = stop.reason is None
+        # Released it may only be when it had gone out before the proof began: in the last instructions.
+        assert not over or instant > count - 6
+        assert over or stop.killed is (wire.urgent[-1] == b"\x0b")
+
+
+def test_no_proof_begins_while_a_stop_is_on_its_way() -> None:
+    wire, stop = stopped_and_proven()
+    marks: list[int | None] = []
+    wire.meanwhile = lambda: marks.append(stop.mark)
+    stop.stop("second")
+    assert marks == [None]
+    assert stop.mark == 2
+
+
+def test_a_release_forgets_the_stop_and_knows_nothing_of_the_drives() -> None:
+    wire, stop = stopped_and_proven()
+    stop.kill("really")
+    assert (stop.reason, stop.killed, stop.proven) == ("first", True, False)
+    assert refusal(stop.release).code == "stop.not_proven"
+    stop.rest_proven(2)
+    assert stop.proven
+    stop.loops_closed = True
+    stop.release()
+    assert (stop.reason, stop.killed, stop.loops_closed, stop.proven) == (None, False, False, False)
+    stop.check()
+    stop.release()
+    stop.stop("nothing is known of the drives")
+    assert wire.urgent[-1] == b"\x0b"
+    assert stop.reason == "nothing is known of the drives"
+
+
+def test_a_stop_sent_again_asks_for_a_new_proof() -> None:
+    _, stop = stopped_and_proven()
+    stop.repeat()
+    assert not stop.proven
+    assert refusal(stop.release).code == "stop.not_proven"
+
+
+@pytest.mark.parametrize("kill", [False, True])
+def test_after_a_proven_stop_the_machine_works_again(closed: Bench, kill: bool) -> None:
+    lathe, stop = closed.lathe, closed.stop
+    lathe.load(read_program(SLOW))
+    lathe.start(3)
+    closed.sim.wait(0.5)
+    lathe.snapshot()
+    (stop.kill if kill else stop.stop)("operator")
+    assert refusal(stop.release).code == "stop.not_proven"
+    lathe.wait_for_rest()
+    assert stop.proven
+    stop.release()
+    assert not stop.loops_closed
+    snapshot = lathe.snapshot()
+    assert stop.loops_closed is snapshot.loops_closed is not kill
+    lathe.enable()
+    lathe.home()
+    lathe.jog_to(AxisName.CARRIAGE, 2_000.0)
+    assert lathe.snapshot().carriage.position == pytest.approx(2_000, abs=1)
+
+
+def test_a_stop_pressed_while_rest_is_proven_begins_the_proof_anew(closed: Bench) -> None:
+    """The press comes from another thread between the looks; after it the spindle runs out, killed."""
+    looks = 0
+    original = closed.sim.wait
+
+    def wait(seconds: float) -> None:
+        nonlocal looks
+        looks += seconds == pytest.approx(0.2)
+        if looks == 2 and not closed.stop.killed:
+            thread = threading.Thread(target=closed.stop.kill, args=("second thoughts",))
+            thread.start()
+            thread.join()
+        original(seconds)
+
+    closed.stop.stop("operator")
+    closed.sim.wait = wait  # type: ignore[method-assign]
+    assert closed.lathe.wait_for_rest().loops_open
+    assert closed.stop.proven
+    assert looks >= 4, "three looks after the press"
+
+
+def test_a_stop_pressed_during_the_last_look_of_a_proof_is_not_proven_by_it(closed: Bench) -> None:
+    answers: list[bool] = []
+
+    def press(_: object) -> None:
+        answers.append(closed.stop.proven)
+        if len(answers) == 4:
+            closed.stop.stop("at the last moment")
+
+    closed.stop.stop("operator")
+    closed.lathe._seen = press
+    closed.lathe.wait_for_rest()
+    assert len(answers) == 7, "the fourth look would have been the last"
+    assert closed.stop.proven
+
+
+def test_a_stop_after_the_proof_must_be_proven_itself(closed: Bench) -> None:
+    closed.stop.stop("operator")
+    closed.lathe.wait_for_rest()
+    closed.stop.stop("once more")
+    assert refusal(closed.stop.release).code == "stop.not_proven"
+    with pytest.raises(StoppedError):
+        closed.lathe.jog_to(AxisName.TOOL, 10.0)
+
+
+def test_a_program_that_ended_with_an_error_does_not_keep_the_axes_from_jogging(closed: Bench) -> None:
+    """Its error bit stays set until the next program is started."""
+    lathe = closed.lathe
+    lathe.load(read_program(FAULTY))
+    lathe.start(3)
+    assert refusal(lambda: lathe.follow(lambda snapshot: None, 10.0)).code == "machine.fault"
+    lathe.wait_for_rest()
+    closed.stop.release()
+    assert lathe.snapshot().faults == ("program: runtime_error",)
+    lathe.enable()
+    lathe.jog_to(AxisName.CARRIAGE, 500.0)
+    assert lathe.snapshot().carriage.position == pytest.approx(500, abs=1)
+
+
+def test_switching_off_opens_all_loops_and_is_no_stop(closed: Bench) -> None:
+    closed.lathe.snapshot()
+    closed.lathe.switch_off()
+    assert not any(motor.enabled for motor in closed.sim.controller.motors.values())
+    assert (closed.stop.reason, closed.stop.killed, closed.stop.loops_closed) == (None, False, False)
+    closed.stop.stop("hands in the machine")
+    closed.sim.wait(0.1)
+    assert not any(motor.enabled for motor in closed.sim.controller.motors.values()), "a kill, not an abort"
+    closed.lathe.wait_for_rest()
+    closed.stop.release()
+    closed.lathe.enable()
+    assert closed.lathe.snapshot().loops_closed
+
+
+def test_switching_off_is_refused_while_something_moves(closed: Bench) -> None:
+    closed.client.request("#2J+")
+    closed.sim.wait(0.5)
+    assert refusal(closed.lathe.switch_off).code == "machine.moving"
+    assert closed.lathe.snapshot().loops_closed
+
+
+def test_drives_that_stay_on_are_told(closed: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(closed.client.link, "send_urgent", lambda data: None)
+    assert refusal(closed.lathe.switch_off).code == "machine.not_switched_off"
+
+
+def test_drives_cannot_be_switched_off_over_a_broken_link(closed: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(data: bytes) -> None:
+        raise LinkError(Problem(code="link.lost"))
+
+    monkeypatch.setattr(closed.client.link, "send_urgent", broken)
+    assert refusal(closed.lathe.switch_off).code == "link.lost"

@@ -1,0 +1,159 @@
+"""A trainee at the console: reads the screen, presses keys, and knows nothing else."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from console.text.catalogue import load
+from tests.terminal import Terminal
+
+A_NUMBER = r"([+-]?\d+(?:\.\d+)?)[^\n]*?"
+SPINDLE_STEPS = (30.0, 10.0, 1.0, 0.1, 0.01)
+TOOL_STEPS = (1.0, 0.1, 0.01, 0.001)
+CLOSE_DEG, CLOSE_MM = 0.02, 0.0005
+
+
+def console(data: Path, language: str, columns: int, rows: int, **environment: str) -> Terminal:
+    """The program in a terminal of its own."""
+    command = [sys.executable, "-m", "console", "--sim", "--data", str(data), "--lang", language]
+    return Terminal(command, columns=columns, rows=rows, environment=environment or None)
+
+
+class Trainee:
+    """Works through the main job at one terminal, in one language."""
+
+    def __init__(self, terminal: Terminal, language: str) -> None:
+        self.terminal = terminal
+        self._text = load(language)
+
+    def sees(self, key: str, timeout_s: float = 20.0) -> re.Match[str]:
+        """Wait for a sentence of the catalogue; what it leaves open may be any number or words."""
+        pattern = self._pattern(key)
+        self.terminal.wait_for(pattern, timeout_s)
+        found = re.search(pattern, self.terminal.text)
+        assert found is not None, f"{key} was there and is gone\n{self.terminal.text}"
+        return found
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.terminal.press(key)
+
+    def opens_the_first_job(self) -> None:
+        self.sees("activity.ready", 30.0)
+        self.press("enter")
+        self.sees("setup.next.ready")
+
+    def aligns(self) -> None:
+        """Clamp, drives on, home, jaw 1 to the mark, tool to the part."""
+        self.press("4")
+        self.sees("align_page.next.clamp")
+        self.press("enter")
+        self.sees("align_page.next.drives")
+        self.press("f4")
+        self.sees("align_page.next.home")
+        self.press("f4")
+        self.sees("align_page.next.jaw_enable", 30.0)
+        self.press("j")
+        self._jogs(self._jaw_to_go_deg, ("pageup", "pagedown"), SPINDLE_STEPS, CLOSE_DEG, "°")
+        self.press("enter")
+        self.sees("align_page.next.touch_off")
+        self.press("f4")
+        self.terminal.wait_for(lambda _: self._gap_mm() is not None, 60.0)
+        self.sees("activity.ready", 30.0)
+        self.press("j")
+        self._jogs(self._gap_mm, ("down", "up"), TOOL_STEPS, CLOSE_MM, "mm")
+        self.press("enter")
+        self.sees("align_page.valid_title")
+
+    def starts_the_cut(self) -> None:
+        self.press("5")
+        self.sees("run_page.next.arm")
+        self.press("f5")
+        self.sees("run_page.next.armed")
+        self.press("f6")
+        self.sees("activity.cutting", 30.0)
+
+    def waits_for_the_end_of_the_cut(self) -> None:
+        self.sees("run_page.next.measure", 60.0)
+
+    def measures(self) -> None:
+        self.press("6")
+        self.sees("inspect_page.next_measure")
+        self.press("m")
+        self.sees("inspect_page.next_part")
+
+    def _jogs(
+        self,
+        to_go: Callable[[], float | None],
+        keys: tuple[str, str],
+        steps: tuple[float, ...],
+        close: float,
+        unit: str,
+    ) -> None:
+        """Jog with the largest step that does not go too far, until nothing is left to go."""
+        for step in steps:
+            left = self._read(to_go)
+            if abs(left) < max(step, close):
+                continue
+            self._takes_step(step, unit)
+            while abs(left := self._read(to_go)) >= max(step, close):
+                self.press(keys[0] if left > 0.0 else keys[1])
+                expected = left - step if left > 0.0 else left + step
+                self.terminal.wait_for(self._arrived(to_go, expected, step), 30.0)
+        assert abs(self._read(to_go)) <= max(close, steps[-1])
+
+    def _arrived(self, to_go: Callable[[], float | None], expected: float, step: float) -> Callable[[str], bool]:
+        def arrived(_: str) -> bool:
+            left = to_go()
+            # A tenth of a step, and what a slow integrator still takes up.
+            near = left is not None and abs(left - expected) < 0.1 * step + 0.025
+            return near and re.search(self._pattern("activity.ready"), self.terminal.row(0)) is not None
+
+        return arrived
+
+    def _takes_step(self, step: float, unit: str) -> None:
+        """Press + or - until the step stands in its brackets."""
+        while (before := self._step(unit)) != step:
+            self.press("+" if before < step else "-")
+            self.terminal.wait_for(partial(self._has_left, before, unit), 5.0)
+
+    def _has_left(self, before: float, unit: str, _: str) -> bool:
+        return self._step(unit) != before
+
+    def _step(self, unit: str) -> float:
+        found = re.search(r"\[\s*([\d.]+)\s*\][^\n]*" + unit, self.terminal.text)
+        assert found is not None, self.terminal.text
+        return float(found[1])
+
+    def _read(self, to_go: Callable[[], float | None]) -> float:
+        self.terminal.wait_for(lambda _: to_go() is not None, 10.0)
+        left = to_go()
+        assert left is not None
+        return left
+
+    def _jaw_to_go_deg(self) -> float | None:
+        """Degrees in the direction of the cut until jaw 1 meets the mark."""
+        text = self.terminal.text
+        if re.search(self._pattern("align_page.at_mark"), text):
+            return 0.0
+        for key, sign in (("align_page.past_mark", -1.0), ("align_page.before_mark", 1.0)):
+            found = re.search(self._pattern(key, A_NUMBER), text)
+            if found is not None:
+                return sign * float(found[1])
+        return None
+
+    def _gap_mm(self) -> float | None:
+        found = re.search(self._pattern("align_page.gap", A_NUMBER), self.terminal.text)
+        if found is not None:
+            return float(found[1])
+        touching = re.search(self._pattern("align_page.touches", A_NUMBER), self.terminal.text)
+        return None if touching is None else -float(touching[1])
+
+    def _pattern(self, key: str, opening: str = r"[^\n]*?") -> str:
+        """A regular expression for a sentence of the catalogue, with `opening` for what it leaves open."""
+        parts = re.split(r"\{[^}]*\}", self._text._entries[key])
+        return opening.join(re.escape(part) for part in parts)

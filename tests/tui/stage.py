@@ -1,0 +1,95 @@
+"""A stage for the screens: a control that does nothing but remember, and the text of what is on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from textual.app import App, ComposeResult
+
+from console.session.intents import Intent
+from console.session.state import StationState
+from console.session.work import Work, opened
+from console.text.catalogue import load
+from console.tui.app import ConsoleApp
+from console.tui.desk import Desk, View
+from console.tui.page import Page
+from console.tui.theme import COLOUR, DARK_THEME
+from profiles.store import load_job, load_machine
+
+SIZES = ((80, 24), (100, 30), (160, 48))
+FRAME_ROWS = 6
+LANGUAGES = ("en", "ko")
+MACHINE = "lee-2001-lathe"
+EXPERIMENT = "lee-2001-experiment-1"
+
+
+class FixedControl:
+    """Shows one state, remembers what was ordered."""
+
+    def __init__(self, state: StationState, now_s: float = 100.0) -> None:
+        self.state = state
+        self.orders: list[Intent] = []
+        self.stops: list[str] = []
+        self.kills: list[str] = []
+        self._now_s = now_s
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def post(self, intent: Intent) -> bool:
+        self.orders.append(intent)
+        return True
+
+    def stop(self, reason: str) -> None:
+        self.stops.append(reason)
+
+    def kill(self, reason: str) -> None:
+        self.kills.append(reason)
+
+    def beat(self) -> None:
+        pass
+
+
+def experiment() -> Work:
+    """Experiment 1 of the paper, as it is saved, on its machine."""
+    return opened(load_job(EXPERIMENT), load_machine(MACHINE))
+
+
+def desk_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> Desk:
+    desk = Desk(
+        text=load(language),
+        palette=COLOUR,
+        control=control,
+        machine=load_machine(MACHINE),
+        data=data,
+        go=lambda _: None,
+    )
+    desk.work = work
+    return desk
+
+
+class PageStage(App[None]):
+    """One page alone, in the room that the frame leaves it; `view` is shown when it is ready."""
+
+    HORIZONTAL_BREAKPOINTS = ConsoleApp.HORIZONTAL_BREAKPOINTS
+    # The page alone has six rows less than the terminal.
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (24, "-mid"), (42, "-tall")]  # noqa: RUF012
+
+    def __init__(self, page: Page, view: View) -> None:
+        super().__init__()
+        self.page, self.view = page, view
+        self.register_theme(DARK_THEME)
+        self.theme = DARK_THEME.name
+
+    def compose(self) -> ComposeResult:
+        yield self.page
+
+    def on_ready(self) -> None:
+        self.page.show(self.view)
+
+
+def grid(app: App[None]) -> str:
+    """The characters on the terminal, row by row, without trailing blanks."""
+    strips: Iterable[object] = app.screen._compositor.render_strips()
+    return "\n".join("".join(s.text for s in strip).rstrip() for strip in strips)  # type: ignore[attr-defined]

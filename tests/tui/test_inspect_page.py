@@ -1,0 +1,329 @@
+"""The page Inspect: before and after on one scale, every figure as a number, nothing claimed that is not so."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.cells import cell_len
+
+from console.session.intents import Measure
+from console.session.state import Activity, MeasuredPart, StationState
+from console.text.catalogue import load
+from console.tui.desk import View
+from console.tui.keymap import PageName, actions_of
+from console.tui.lines import plain
+from console.tui.pages.inspect import InspectPage
+from console.tui.pages.inspect_lines import compared, harmonic_lines, phase_from_jaw_deg, result_lines
+from console.tui.plot.polar_view import PolarView
+from console.tui.theme import Token
+from drivers.cut import Strategy
+from profiles.roundness import evaluate
+from profiles.traces import Trace
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment, grid
+
+ROOMS = [(columns, rows - FRAME_ROWS) for columns, rows in SIZES]
+SMALLEST_ROOM = (60, 12)
+Waves = Sequence[tuple[int, float, float]]
+"""Undulations a turn, amplitude in um, angle of a crest in deg."""
+
+
+def part(
+    strategy: Strategy,
+    waves: Waves,
+    *,
+    jaw_1_deg: float = 90.0,
+    filter_upr: float | None = 50.0,
+    **changes: object,
+) -> MeasuredPart:
+    """A part that was measured off centre, by 5 um at 1 rad, and 3 um too large."""
+    angle_deg = np.arange(3600) / 10.0
+    angle = np.radians(angle_deg)
+    deviation_um = 3.0 + 5.0 * np.cos(angle - 1.0)
+    for n, amplitude_um, crest_deg in waves:
+        deviation_um = deviation_um + amplitude_um * np.cos(n * (angle - np.radians(crest_deg)))
+    job = replace(experiment().job, lobe_phase_deg=jaw_1_deg, **changes)  # type: ignore[arg-type]
+    return MeasuredPart(
+        job=job,
+        strategy=strategy,
+        trace=Trace(angle_deg=angle_deg, deviation_um=deviation_um),
+        result=evaluate(angle_deg, deviation_um, filter_upr, state="free"),
+        jaw_1_deg=jaw_1_deg,
+    )
+
+
+BEFORE = part(Strategy.NONE, [(3, 27.5, 90.0)], filter_upr=None)
+AFTER = part(Strategy.PVT, [(3, 1.0, 102.0), (6, 0.2, 0.0), (2, 0.3, 4.0)], filter_upr=None)
+PRINTED = part(Strategy.PAPER, [(3, 14.0, 80.0)], filter_upr=None)
+BOTH = StationState(measured=AFTER, uncompensated=BEFORE)
+
+
+def staged(state: StationState, language: str = "en") -> tuple[PageStage, InspectPage, FixedControl]:
+    control = FixedControl(state)
+    page = InspectPage(desk_for(control, Path("/nowhere"), language, experiment()))
+    return PageStage(page, View(state=state, work=experiment(), now_s=0.0)), page, control
+
+
+def shown(state: StationState, room: tuple[int, int] = ROOMS[0], language: str = "en") -> str:
+    app, _, _ = staged(state, language)
+
+    async def play() -> str:
+        async with app.run_test(size=room) as pilot:
+            await pilot.pause()
+            return grid(app)
+
+    return asyncio.run(play())
+
+
+def results(state: StationState, height: int = 20) -> list[str]:
+    seen = compared(state)
+    assert seen is not None
+    return plain(result_lines(seen, True, load("en"), 40, height)).split("\n")
+
+
+def harmonics(state: StationState, height: int = 20) -> list[str]:
+    seen = compared(state)
+    assert seen is not None
+    return plain(harmonic_lines(seen, load("en"), 40, height)).split("\n")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
+def test_the_page_holds_both_parts_and_the_verdict(room: tuple[int, int], language: str) -> None:
+    text = shown(BOTH, room, language)
+    rows = text.split("\n")
+    assert len(rows) <= room[1]
+    assert all(cell_len(row) <= room[0] for row in rows)
+    for figure in ("55.00", "RONt", "RONq", "95.", "LSC", "PASS" if language == "en" else "합격"):
+        assert figure in text
+    assert load(language)("inspect_page.simulated") in text
+    assert load(language)("state.free") in text
+
+
+def test_the_table_has_the_parameters_of_both_traces() -> None:
+    """A pure cosine of 27.5 um: peak and valley 27.5, rms 27.5 over the root of 2, whatever its centre was."""
+    rows = results(BOTH)
+    assert rows[0].split() == ["um", "before", "after"]
+    assert [row.split()[:2] for row in rows[1:5]] == [
+        ["RONt", "55.00"],
+        ["RONp", "27.50"],
+        ["RONv", "27.50"],
+        ["RONq", "19.45"],
+    ]
+    assert float(rows[1].split()[2]) == pytest.approx(AFTER.result.ront_um, abs=0.005)
+    assert float(rows[4].split()[2]) == pytest.approx(((1.0 + 0.04 + 0.09) / 2.0) ** 0.5, abs=0.005)
+    gained = 100.0 * (1.0 - AFTER.result.ront_um / 55.0)
+    assert rows[5].split() == ["improvement", f"{gained:.1f}", "%"]
+    assert "Simulated, not machined." in rows
+
+
+def test_multiples_of_the_jaws_stand_in_front_peak_to_peak() -> None:
+    rows = harmonics(BOTH)
+    assert [row.split() for row in rows[1:4]] == [
+        ["3", "/", "rev", "55.00", "2.00"],
+        ["6", "/", "rev", "0.00", "0.40"],
+        ["9", "/", "rev", "0.00", "0.00"],
+    ]
+    assert rows[4].split()[-2:] == ["+0.0°", "+12.0°"]
+    assert rows[5].split() == ["2", "/", "rev", "0.00", "0.60"]
+    assert [int(row.split()[0]) for row in rows[5:]] == [2, 4, 5, 7, 8, 10, 11, 12, 13, 14, 15]
+
+
+def test_a_six_jaw_chuck_has_its_own_harmonics_in_front() -> None:
+    state = StationState(measured=part(Strategy.NONE, [(6, 4.0, 60.0)], jaws=6, jaw_1_deg=60.0))
+    assert [row.split()[0] for row in harmonics(state)[1:3]] == ["6", "12"]
+
+
+@pytest.mark.parametrize(("crest_deg", "phase_deg"), [(91.0, 1.0), (89.0, -1.0), (210.0, 0.0), (150.0, 60.0)])
+def test_the_phase_is_the_nearest_crest_from_jaw_1(crest_deg: float, phase_deg: float) -> None:
+    seen = compared(StationState(measured=part(Strategy.NONE, [(3, 10.0, crest_deg)])))
+    assert seen is not None
+    found = phase_from_jaw_deg(seen.before, 3)
+    assert found is not None
+    assert abs(found) <= 60.0 + 1e-6
+    assert math.remainder(found - phase_deg, 120.0) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_lobe_that_is_gone_has_no_phase() -> None:
+    state = StationState(measured=part(Strategy.PVT, [(3, 0.01, 0.0), (2, 1.0, 0.0)]), uncompensated=BEFORE)
+    assert harmonics(state)[4].split()[-2:] == ["+0.0°", "–"]
+
+
+@pytest.mark.parametrize(("amplitude_um", "mark"), [(2.4, "✓ PASS"), (2.6, "✗ FAIL")])
+def test_the_verdict_is_a_mark_a_word_and_both_numbers(amplitude_um: float, mark: str) -> None:
+    rows = results(StationState(measured=part(Strategy.PVT, [(3, amplitude_um, 0.0)], filter_upr=None)))
+    assert f"{mark}: {2 * amplitude_um:.2f} um of 5.00 um" in rows
+
+
+def test_without_a_measured_part_before_it_is_the_job_that_speaks() -> None:
+    state = StationState(measured=PRINTED)
+    assert results(state)[1].split() == ["RONt", "55.00", "28.00"]
+    assert results(state)[2].split() == ["RONp", "–", "14.00"]
+    assert results(state)[5].split() == ["against", "the", "job", "49.1", "%"]
+    assert harmonics(state)[1].split()[-2:] == ["55.00", "28.00"]
+    assert harmonics(state)[4].split()[-2:] == ["–", "-10.0°"]
+    for room in ROOMS:
+        assert "- - from the job, not measured here" in shown(state, room)
+
+
+def test_a_part_of_another_job_is_no_before() -> None:
+    other = part(Strategy.NONE, [(3, 20.0, 90.0)], spindle_speed_rpm=500.0)
+    seen = compared(StationState(measured=AFTER, uncompensated=other))
+    assert seen is not None
+    assert seen.before.result is None
+
+
+def test_a_part_that_was_clamped_anew_is_turned_to_the_same_jaw() -> None:
+    """The same lobe, high at jaw 1, with the jaw at another place: both traces are high at the mark."""
+    before = part(Strategy.NONE, [(3, 27.5, 33.0)], jaw_1_deg=33.0)
+    seen = compared(StationState(measured=AFTER, uncompensated=before))
+    assert seen is not None
+    assert seen.before.result is not None
+    high_deg = float(seen.before.angle_deg[seen.before.profile_um.argmax()])
+    assert (high_deg - 90.0) % 120.0 == pytest.approx(0.0, abs=0.05)
+    assert phase_from_jaw_deg(seen.before, 3) == pytest.approx(0.0, abs=0.01)
+
+
+def test_an_uncompensated_part_has_no_after() -> None:
+    rows = results(StationState(measured=BEFORE, uncompensated=BEFORE))
+    assert rows[1].split() == ["RONt", "55.00", "–"]
+    assert not any("improvement" in row for row in rows)
+    assert any("✗ FAIL: 55.00 um of 5.00 um" in row for row in rows)
+
+
+def test_what_is_drawn_is_centred_filtered_and_said_to_be() -> None:
+    filtered = part(Strategy.PVT, [(3, 1.0, 90.0), (400, 5.0, 0.0)])
+    seen = compared(StationState(measured=filtered))
+    assert seen is not None
+    assert seen.after is not None
+    assert float(np.ptp(seen.after.profile_um)) == pytest.approx(2.0, abs=0.02)
+    assert "free · LSC · 1-50 UPR" in shown(StationState(measured=filtered))
+    assert "free · LSC · not filtered" in shown(BOTH)
+
+
+def test_both_traces_are_on_one_scale_that_is_named() -> None:
+    app, page, _ = staged(BOTH)
+
+    async def play() -> tuple[str, float]:
+        async with app.run_test(size=ROOMS[1]) as pilot:
+            await pilot.pause()
+            return grid(app), page.query_one(PolarView).scale_um_per_division
+
+    text, scale = asyncio.run(play())
+    assert scale == 20.0
+    for words in ("- - before, measured", "── after, measured, pvt", "20 um/div", "jaw 1 at 90.0°"):
+        assert words in text
+
+
+def test_m_releases_and_measures_the_part_that_was_cut() -> None:
+    _, page, control = staged(StationState(cut_done=True, activity=Activity.READY))
+    page.act("inspect.measure")
+    assert control.orders == [Measure()]
+    assert page.desk.said == ()
+
+
+@pytest.mark.parametrize(
+    ("state", "code"),
+    [
+        (StationState(), "session.nothing_cut"),
+        (BOTH, "session.nothing_cut"),
+        (StationState(cut_done=True, activity=Activity.RETRACTING), "machine.moving"),
+        (StationState(cut_done=True, simulated=False), "session.no_gauge"),
+    ],
+)
+def test_m_is_refused_with_the_reason(state: StationState, code: str) -> None:
+    _, page, control = staged(state)
+    page.act("inspect.measure")
+    assert control.orders == []
+    assert [problem.code for problem in page.desk.said] == [code]
+
+
+def test_enter_goes_to_the_next_part_and_moves_nothing() -> None:
+    _, page, control = staged(BOTH)
+    gone: list[PageName] = []
+    page.desk.go = gone.append
+    page.act("inspect.next")
+    assert gone == [PageName.ALIGN]
+    assert control.orders == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_before_anything_is_measured_the_page_says_what_to_do(language: str) -> None:
+    text = load(language)
+    for state, key in ((StationState(), "how_cut"), (StationState(cut_done=True), "how_measure")):
+        page = " ".join(shown(state, (160, 42), language).split())
+        assert text("inspect_page.nothing") in page
+        assert " ".join(text(f"inspect_page.{key}").split()) in page
+
+
+def test_the_result_appears_when_the_part_is_measured_and_goes_with_the_next_blank() -> None:
+    empty = StationState(cut_done=True)
+    app, page, _ = staged(empty)
+
+    async def play() -> list[str]:
+        seen = []
+        async with app.run_test(size=ROOMS[0]) as pilot:
+            await pilot.pause()
+            for state in (BOTH, replace(BOTH, measured=None)):
+                page.show(replace(app.view, state=state))
+                await pilot.pause()
+                seen.append(grid(app))
+        return seen
+
+    measured, next_blank = asyncio.run(play())
+    assert "✓ PASS" in measured
+    assert "PASS" not in next_blank
+
+
+def test_the_page_survives_every_size() -> None:
+    app, page, _ = staged(BOTH)
+    page.show(app.view)
+
+    async def play() -> str:
+        async with app.run_test(size=(80, 18)) as pilot:
+            for size in ((1, 1), (60, 3), (60, 12), (200, 60), (80, 18)):
+                await pilot.resize_terminal(*size)
+                await pilot.pause()
+            return grid(app)
+
+    assert "✓ PASS" in asyncio.run(play())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    ("state", "key"),
+    [
+        (StationState(), "5"),
+        (StationState(cut_done=True), "m"),
+        (StationState(measured=BEFORE), "Enter"),
+        (BOTH, "Enter"),
+        (StationState(measured=PRINTED), "Enter"),
+        (StationState(activity=Activity.MEASURING), ""),
+    ],
+)
+def test_the_next_step_is_one_row_and_names_its_key(state: StationState, key: str, language: str) -> None:
+    _, page, _ = staged(state, language)
+    words = plain([page.next_step(View(state=state, work=None, now_s=0.0))])
+    assert key in words
+    assert 0 < cell_len(words) <= 77
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_keys_of_inspect_fit_one_row(language: str) -> None:
+    text = load(language)
+    keys = "  ".join(f"{action.shown} {text(f'key.{action.id}')}" for action in actions_of(PageName.INSPECT))
+    assert cell_len(keys) <= 80
+    assert "key." not in keys
+
+
+def test_a_failed_part_is_not_only_coloured() -> None:
+    seen = compared(StationState(measured=PRINTED))
+    assert seen is not None
+    lines = result_lines(seen, True, load("en"), 40, 20)
+    (fail,) = [line for line in lines if line and line[0][1] is Token.WARNING]
+    assert plain([fail]).startswith("✗ FAIL")

@@ -1,0 +1,308 @@
+"""Jobs: every saved job can be seen and opened, and no edit is given up without a word."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.cells import cell_len
+from textual.pilot import Pilot
+
+from console.session.paths import jobs_folder
+from console.session.records import RunRecord
+from console.session.state import Activity, StationState
+from console.session.work import Work, edited
+from console.tui.desk import View
+from console.tui.keymap import PageName
+from console.tui.lines import width_of
+from console.tui.pages.jobs import JobsPage
+from profiles.store import BUNDLED_JOBS, load_job
+from tests.tui.stage import (
+    EXPERIMENT,
+    FRAME_ROWS,
+    LANGUAGES,
+    SIZES,
+    FixedControl,
+    PageStage,
+    desk_for,
+    experiment,
+    grid,
+)
+
+ROOMS = [(width, height - FRAME_ROWS) for width, height in (*SIZES, (60, 18))]
+READY = StationState(activity=Activity.READY)
+SOURCE = BUNDLED_JOBS / f"{EXPERIMENT}.toml"
+
+Scene = Callable[["Stage"], Awaitable[None]]
+
+
+class Stage:
+    """The page on its stage; `gone` are the pages that it went to."""
+
+    def __init__(self, data: Path, work: Work | None, language: str, state: StationState) -> None:
+        self.control = FixedControl(state)
+        self.desk = desk_for(self.control, data, language, work)
+        self.gone: list[PageName] = []
+        self.desk.go = self.gone.append
+        self.page = JobsPage(self.desk)
+        self.app = PageStage(self.page, self.view)
+        self.pilot: Pilot[None]
+
+    @property
+    def view(self) -> View:
+        return View(state=self.control.state, work=self.desk.work, now_s=100.0)
+
+    async def act(self, *actions: str) -> None:
+        for action in actions:
+            self.page.act(action)
+        await self.show()
+
+    async def show(self) -> None:
+        self.page.show(self.view)
+        await self.pilot.pause()
+
+    @property
+    def text(self) -> str:
+        return grid(self.app)
+
+    @property
+    def selected(self) -> str:
+        (row,) = [row for row in self.text.splitlines() if "▸" in row]
+        return row.partition("▸ ")[2].split()[0]
+
+    @property
+    def codes(self) -> list[str]:
+        return [problem.code for problem in self.desk.said]
+
+
+def play(
+    scene: Scene,
+    data: Path,
+    *,
+    work: Work | None = None,
+    language: str = "en",
+    size: tuple[int, int] = (80, 18),
+    state: StationState = READY,
+) -> None:
+    async def run() -> None:
+        stage = Stage(data, work, language, state)
+        async with stage.app.run_test(size=size) as pilot:
+            stage.pilot = pilot
+            await pilot.pause()
+            await scene(stage)
+
+    asyncio.run(run())
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    folder = jobs_folder(tmp_path)
+    folder.mkdir(parents=True)
+    return folder
+
+
+def measured(folder: Path, ront_um: float, *, simulated: int, strategy: str = "pvt") -> None:
+    names = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
+    record = RunRecord(folder, {**dict.fromkeys(names, ""), "simulated": simulated})
+    record.add("measured", {"job": EXPERIMENT, "strategy": strategy, "ront_um": ront_um})
+    record.close()
+
+
+@pytest.mark.parametrize("size", ROOMS)
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_saved_jobs_and_the_selected_one_are_seen(
+    size: tuple[int, int], language: str, tmp_path: Path
+) -> None:
+    async def scene(stage: Stage) -> None:
+        rows = stage.text.splitlines()
+        assert len(rows) <= size[1]
+        assert all(cell_len(row) <= size[0] for row in rows)
+        assert stage.selected == EXPERIMENT
+        assert "lee-2001-experiment-2" in stage.text
+        assert "1000.0 rpm" in stage.text
+        assert 0 < width_of(stage.page.next_step(stage.view)) <= 78
+
+    play(scene, tmp_path, language=language, size=size)
+
+
+def test_the_summary_says_what_is_known_and_where_it_comes_from(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        for words in (
+            "D 52.0 x 2.5 mm",
+            "assumed 1314.0 N",
+            "0.100 mm",
+            "3 jaws, 50.0 Hz",
+            "measured 55.0 um",
+            "never measured",
+            load_job(EXPERIMENT).sha256[:6] + ", bundled",
+            "Lee & Lee 2001",
+        ):
+            assert words in stage.text
+
+    play(scene, tmp_path)
+
+
+def test_a_measured_part_is_shown_with_what_was_measured(tmp_path: Path) -> None:
+    measured(tmp_path, 2.634, simulated=1)
+
+    async def scene(stage: Stage) -> None:
+        assert "2.63 um" in stage.text
+        assert "LSC, 1-50 UPR, free state" in stage.text
+        assert "simulated, not machined" in stage.text
+
+    play(scene, tmp_path)
+
+
+def test_a_part_without_compensation_is_not_taken_for_one_with_it(tmp_path: Path) -> None:
+    measured(tmp_path, 55.02, simulated=1, strategy="none")
+
+    async def scene(stage: Stage) -> None:
+        assert "cut without compensation" in stage.text
+
+    play(scene, tmp_path)
+
+
+def test_simulated_parts_are_not_shown_on_the_real_machine(tmp_path: Path) -> None:
+    measured(tmp_path, 2.634, simulated=1)
+
+    async def scene(stage: Stage) -> None:
+        assert "2.63" not in stage.text
+        assert "never measured" in stage.text
+
+    play(scene, tmp_path, state=replace(READY, simulated=False))
+
+
+def test_a_job_that_cannot_be_read_is_listed_with_the_reason(own: Path, tmp_path: Path) -> None:
+    (own / "a [bold].toml").write_text("name = 3")
+    (own / os.fsdecode(b"b\xff.toml")).write_bytes(SOURCE.read_bytes())
+
+    async def scene(stage: Stage) -> None:
+        assert "a [bold]" in stage.text
+        assert "cannot be read" in stage.text
+        assert "name = 3 is not a text" in stage.text
+        assert r"b\udcff" in stage.text
+        await stage.act("jobs.open")
+        assert "value.not_text" in stage.codes
+        assert stage.gone == []
+
+    play(scene, tmp_path)
+
+
+def test_enter_opens_the_selected_job_at_set_up(own: Path, tmp_path: Path) -> None:
+    shutil.copy(SOURCE, own / "my ring.toml")
+
+    async def scene(stage: Stage) -> None:
+        await stage.act("jobs.down", "jobs.down", "jobs.down", "jobs.open")
+        assert stage.gone == [PageName.SETUP]
+        assert stage.desk.work is not None
+        assert stage.desk.work.loaded.path == own / "my ring.toml"
+
+    play(scene, tmp_path)
+
+
+def test_the_job_in_hand_keeps_its_edits(tmp_path: Path) -> None:
+    work = edited(experiment(), "jaws", "4")
+
+    async def scene(stage: Stage) -> None:
+        assert "edits not saved" in stage.text
+        await stage.act("jobs.open")
+        assert stage.desk.work is work
+        assert stage.gone == [PageName.SETUP]
+
+    play(scene, tmp_path, work=work)
+
+
+def test_edits_are_given_up_on_the_second_enter_only(tmp_path: Path) -> None:
+    work = edited(experiment(), "jaws", "4")
+
+    async def scene(stage: Stage) -> None:
+        await stage.act("jobs.down", "jobs.open")
+        assert stage.codes == ["screen.edits_unsaved"]
+        assert (stage.desk.work, stage.gone) == (work, [])
+        await stage.act("jobs.up", "jobs.down", "jobs.open")
+        assert (stage.desk.work, stage.gone) == (work, [])
+        await stage.act("jobs.open")
+        assert stage.desk.work is not None
+        assert stage.desk.work.job.name == "lee-2001-experiment-2"
+
+    play(scene, tmp_path, work=work)
+
+
+def armed() -> Any:
+    return object()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    ("state", "code"),
+    [
+        (replace(READY, activity=Activity.CUTTING), "screen.open_moving"),
+        (replace(READY, activity=Activity.ARMING), "screen.open_armed"),
+        (replace(READY, armed=armed()), "screen.open_armed"),
+    ],
+)
+def test_no_job_is_opened_while_it_matters(state: StationState, code: str, language: str, tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act("jobs.down", "jobs.open")
+        assert stage.codes == [code]
+        assert stage.gone == []
+        assert width_of(stage.page.next_step(stage.view)) <= 78
+
+    play(scene, tmp_path, work=experiment(), state=state, language=language)
+
+
+def test_a_long_list_goes_along_with_the_selection(own: Path, tmp_path: Path) -> None:
+    for number in range(40):
+        shutil.copy(SOURCE, own / f"ring-{number:02d}.toml")
+
+    async def scene(stage: Stage) -> None:
+        assert "more below" in stage.text
+        for _ in range(41):
+            await stage.act("jobs.down")
+            assert stage.selected
+        assert stage.selected == "ring-39"
+        assert "more above" in stage.text
+        assert "more below" not in stage.text
+        await stage.act("jobs.down")
+        assert stage.selected == "ring-39"
+
+    play(scene, tmp_path)
+
+
+def test_files_are_listed_again_when_the_page_comes_back(own: Path, tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act("jobs.down")
+        shutil.copy(SOURCE, own / "a-ring.toml")
+        await stage.show()
+        assert "a-ring" not in stage.text
+        stage.page.leave()
+        await stage.show()
+        assert "a-ring" in stage.text
+        assert stage.selected == "lee-2001-experiment-2"
+
+    play(scene, tmp_path)
+
+
+def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        for size in ((1, 1), (10, 3), (30, 5)):
+            await stage.pilot.resize_terminal(*size)
+            await stage.act("jobs.down", "jobs.up")
+
+    play(scene, tmp_path)
+
+
+def test_the_page_needs_no_numerics() -> None:
+    """It is painted first; numbers, plots and plans are loaded after it."""
+    heavy = "('numpy', 'scipy', 'control', 'plotext', 'sqlite3', 'drivers.cut')"
+    program = f"import sys, console.tui.pages.jobs\nprint([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True)
+    assert done.stdout.strip() == "[]"

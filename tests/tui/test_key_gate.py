@@ -1,0 +1,100 @@
+"""What becomes of a key: stop first, then the field, then the page."""
+
+from __future__ import annotations
+
+import string
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.tui.gate import FieldKind, Situation, Verdict, judge, stops_at_once
+from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
+
+situations = st.builds(
+    Situation,
+    page=st.sampled_from(PageName),
+    field=st.sampled_from(FieldKind),
+    moving=st.booleans(),
+    small=st.booleans(),
+)
+LETTERS = set(string.ascii_letters) | {chr(code) for code in range(0x3131, 0x3164)}
+
+
+@given(situations)
+def test_space_stops_everywhere_but_in_free_text(now: Situation) -> None:
+    verdict, _ = judge("space", " ", now)
+    assert verdict is (Verdict.FIELD if now.field is FieldKind.TEXT else Verdict.STOP)
+
+
+@given(situations, st.sampled_from(["f12", "escape"]))
+def test_f12_and_escape_stop_everywhere(now: Situation, key: str) -> None:
+    assert judge(key, None, now)[0] is Verdict.STOP
+    assert stops_at_once(key, now.field)
+
+
+@given(situations)
+def test_f9_switches_the_drives_off_everywhere(now: Situation) -> None:
+    assert judge("f9", None, now)[0] is Verdict.KILL
+
+
+@given(situations, st.sampled_from("0123456789+-.,"))
+def test_a_field_of_numbers_takes_what_numbers_are_written_with(now: Situation, character: str) -> None:
+    if now.field is not FieldKind.NONE:
+        assert judge(character, character, now)[0] is Verdict.FIELD
+
+
+@given(situations, st.characters(categories=["L", "P", "S"], exclude_characters="+-.,"))
+def test_a_field_of_numbers_takes_nothing_else(now: Situation, character: str) -> None:
+    if now.field is FieldKind.NUMBER:
+        assert judge(f"key_{ord(character)}", character, now)[0] is not Verdict.FIELD
+
+
+@given(situations, st.sampled_from(["alt+d", "ctrl+alt+x", "f11", "insert", "z", "ㅋ", "unknown"]))
+def test_a_key_that_means_nothing_stops_what_moves(now: Situation, key: str) -> None:
+    verdict, _ = judge(key, None, now)
+    assert verdict is (Verdict.STOP if now.moving else Verdict.NOTHING)
+
+
+@pytest.mark.parametrize("key", ["left_shift", "right_ctrl", "caps_lock", "shift"])
+def test_a_modifier_alone_is_no_key(key: str) -> None:
+    assert judge(key, None, Situation(page=PageName.RUN, moving=True))[0] is Verdict.NOTHING
+
+
+def test_in_a_terminal_that_is_too_small_nothing_is_done_but_leaving() -> None:
+    for page in PageName:
+        for known in actions_of(page):
+            verdict, found = judge(known.keys[0], None, Situation(page=page, small=True))
+            assert verdict is Verdict.NOTHING and found is None
+    assert judge("ctrl+q", None, Situation(page=PageName.JOBS, small=True))[0] is Verdict.ACTION
+
+
+def test_nothing_that_moves_is_on_a_letter_on_enter_or_on_a_digit() -> None:
+    for action in ACTIONS:
+        if action.moves:
+            assert not set(action.keys) & (LETTERS | set(string.digits) | {"enter", "tab"}), action.id
+
+
+def test_no_key_has_two_meanings_on_a_page() -> None:
+    everywhere = [action for action in ACTIONS if action.page is None]
+    for page in PageName:
+        keys = [key for action in (*everywhere, *actions_of(page)) for key in action.keys]
+        assert len(keys) == len(set(keys)), page
+        assert not set(keys) & {*STOP_KEYS, *KILL_KEYS}
+
+
+def test_a_letter_works_on_a_hangul_layout_too() -> None:
+    """The jamo on the same place of the keyboard (KS X 5002)."""
+    places = dict(
+        zip("abcdefghijklmnopqrstuvwxyz", "ㅁㅠㅊㅇㄷㄹㅎㅗㅑㅓㅏㅣㅡㅜㅐㅔㅂㄱㄴㅅㅕㅍㅈㅌㅛㅋ", strict=True)
+    )
+    for action in ACTIONS:
+        for key in action.keys:
+            if key in places:
+                assert places[key] in action.keys, action.id
+
+
+def test_a_digit_leads_to_its_page() -> None:
+    for number, page in enumerate(PageName, start=1):
+        action = action_of(str(number), str(number), PageName.RUN)
+        assert action is not None and action.id == f"page.{page}"

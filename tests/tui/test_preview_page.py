@@ -1,0 +1,323 @@
+"""The page Preview, and the prediction that it shows: what is left on the part is what the machine leaves."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.cells import cell_len
+from textual.pilot import Pilot
+
+from console.session.alignment import Alignment, JawAngle
+from console.session.preview import Prediction, Preview, followed, predict, preview
+from console.session.state import StationState
+from console.session.work import Work
+from console.text.catalogue import load
+from console.tui.desk import View
+from console.tui.keymap import PageName, actions_of
+from console.tui.lines import plain
+from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
+from console.tui.pages.preview_lines import margin_lines, margins, strategy_lines
+from console.tui.theme import Token
+from drivers.cut import Strategy, plan_cut
+from profiles.problem import Problem
+from profiles.servo import sampled_response
+from profiles.store import load_job, load_machine
+from tests.tui.stage import (
+    EXPERIMENT,
+    FRAME_ROWS,
+    LANGUAGES,
+    MACHINE,
+    SIZES,
+    FixedControl,
+    PageStage,
+    desk_for,
+    experiment,
+    grid,
+)
+
+ROOMS = [(columns, rows - FRAME_ROWS) for columns, rows in SIZES]
+SMALLEST_ROOM = (60, 12)
+
+
+@cache
+def seen(**changes: object) -> Preview:
+    """The preview of experiment 1 with some values changed."""
+    job = replace(load_job(EXPERIMENT).job, **changes)  # type: ignore[arg-type]
+    return preview(job, load_machine(MACHINE).machine)
+
+
+def previewed(strategy: str = "pvt", **changes: object) -> Work:
+    made = seen(**changes)
+    return replace(experiment(), job=made.job, preview=made, strategy=strategy)
+
+
+def staged(
+    work: Work | None, language: str = "en", state: StationState | None = None
+) -> tuple[PageStage, PreviewPage]:
+    state = state or StationState()
+    page = PreviewPage(desk_for(FixedControl(state), Path("/nowhere"), language, work))
+    return PageStage(page, View(state=state, work=work, now_s=0.0)), page
+
+
+def shown(
+    work: Work | None,
+    size: tuple[int, int] = ROOMS[0],
+    language: str = "en",
+    acts: Iterable[str] = (),
+    state: StationState | None = None,
+) -> str:
+    """The text on the terminal, after some keys of the page."""
+    app, page = staged(work, language, state)
+
+    async def play() -> str:
+        async with app.run_test(size=size) as pilot:
+            await pilot.pause()
+            for action in acts:
+                page.act(action)
+                await pilot.pause()
+            return grid(app)
+
+    return asyncio.run(play())
+
+
+def by_order(prediction: Prediction, n: int) -> complex:
+    """The harmonic of the residual at equal angles, um; crest at jaw 1 is real and positive."""
+    wave = np.exp(-1j * n * np.radians(prediction.angle_deg - 90.0))
+    return complex(2.0 * np.mean(prediction.residual_um * wave))
+
+
+@pytest.mark.parametrize(
+    ("number", "ts_ms", "measured_um"), [(1, 10, 28.15), (1, 5, 43.36), (2, 10, 16.88), (2, 5, 26.01)]
+)
+def test_the_printed_program_leaves_what_the_simulated_machine_measures(
+    number: int, ts_ms: int, measured_um: float
+) -> None:
+    """The closed loop, cut and released in the simulator, was measured: 28.2 um of 55 with the printed times."""
+    job, machine = load_job(f"lee-2001-experiment-{number}").job, load_machine(MACHINE).machine
+    made = predict(job, machine, plan_cut(job, machine, Strategy.PAPER, ts_ms))
+    assert made.ront_um == pytest.approx(measured_um, abs=0.1)
+
+
+def test_the_printed_program_keeps_its_share_of_the_stroke_times_the_servo() -> None:
+    """A full S-curve zig-zag has 0.65702 of its stroke in the lobe and 0.00811 in the third of it."""
+    made = seen().predictions[Strategy.PAPER]
+    first, third = (complex(sampled_response(seen().machine, hz)) for hz in (25.0, 75.0))
+    assert made.lobe_frequency_hz == pytest.approx(25.0)
+    assert by_order(made, 3) == pytest.approx(27.5 * (1.0 - 0.65702 * first), abs=0.02)
+    assert abs(by_order(made, 9)) == pytest.approx(27.5 * 0.00811 * abs(third), abs=0.02)
+    assert made.stroke_um == pytest.approx(55.0 * 2.0 / 3.0, abs=0.01)
+    assert made.mean_um == pytest.approx(127.5, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"jaws": 4, "lobe_error_um_pp": 21.0, "lobe_phase_deg": 33.0, "spindle_speed_rpm": 640.0}],
+    ids=["experiment", "other chuck"],
+)
+def test_the_inverse_leaves_what_its_cubics_miss_and_none_leaves_all(changes: dict[str, float]) -> None:
+    predictions = seen(**changes).predictions
+    error_um = seen(**changes).job.lobe_error_um_pp
+    assert predictions[Strategy.PVT].ront_um < 0.1
+    assert predictions[Strategy.NONE].ront_um == pytest.approx(error_um, abs=0.01)
+    assert predictions[Strategy.NONE].stroke_um == pytest.approx(0.0, abs=1e-6)
+    assert predictions[Strategy.PVT].mean_um == pytest.approx(100.0, abs=0.01)
+
+
+def test_the_servo_turns_and_scales_a_sine_and_passes_a_depth() -> None:
+    machine = seen().machine
+    angle = np.radians(np.arange(720) / 2.0)
+    response = complex(sampled_response(machine, 50.0))
+    expected = 100.0 + 10.0 * abs(response) * np.cos(3.0 * angle + math.atan2(response.imag, response.real))
+    assert followed(machine, 100.0 + 10.0 * np.cos(3.0 * angle), 1000.0) == pytest.approx(expected, abs=1e-6)
+
+
+def test_what_cannot_be_planned_is_said_and_the_rest_is_shown() -> None:
+    """At 3000 rpm of six jaws the lobe is at 300 Hz: too fast for segments of 1 ms."""
+    made = seen(jaws=6, spindle_speed_rpm=3000.0)
+    assert Strategy.PVT not in made.predictions
+    assert Strategy.NONE in made.predictions
+    text = shown(previewed("pvt", jaws=6, spindle_speed_rpm=3000.0), (160, 42))
+    assert "✗ refused" in text
+    assert "1 ms" in text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("strategy", ["pvt", "paper", "none"])
+@pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
+def test_every_strategy_with_what_it_leaves_is_on_the_page(
+    room: tuple[int, int], strategy: str, language: str
+) -> None:
+    text = shown(previewed(strategy), room, language)
+    rows = text.split("\n")
+    assert all(cell_len(row) <= room[0] for row in rows)
+    assert len(rows) <= room[1]
+    for name, left in (("pvt", "0.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
+        row = next(row for row in rows if f" {name} " in row and left in row)
+        assert ("▸" in row) == (name == strategy)
+
+
+def test_the_plots_have_their_scale_and_keys() -> None:
+    text = shown(previewed("paper"))
+    for words in (
+        "predicted",
+        "20 um/div",
+        "jaw 1 at 90.0°",
+        "(assumed)",
+        "- - without",
+        "── paper",
+        "240",
+        "360°",
+    ):
+        assert words in text
+    assert "LSC, not filtered" in text
+
+
+def test_jaw_1_is_said_to_be_found_when_the_alignment_found_it() -> None:
+    work = previewed(lobe_phase_deg=47.5)
+    jaw = JawAngle(angle_deg=47.5, at="20 Nov 08:45")
+    text = shown(work, (100, 24), state=StationState(alignment=Alignment(jaw=jaw)))
+    assert "jaw 1 at 47.5°" in text
+    assert "(found 20 Nov" in text
+    assert "assumed" not in text
+    older = replace(jaw, angle_deg=12.0)
+    assert "(assumed)" in shown(work, (100, 24), state=StationState(alignment=Alignment(jaw=older)))
+
+
+def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
+    without, with_ = roundness_traces(seen(), Strategy.PAPER)
+    assert (without.token, without.dashed) == (Token.BEFORE, True)
+    assert (with_.token, with_.dashed) == (Token.AFTER, False)
+    assert float(np.ptp(np.asarray(without.deviation_um))) == pytest.approx(55.0, abs=0.01)
+    wanted, command = path_series(seen(), Strategy.PVT)
+    assert (wanted.dashed, command.dashed) == (False, True)
+    assert float(np.ptp(np.asarray(command.y))) == pytest.approx(62.1, abs=0.1)
+    assert len(roundness_traces(seen(), Strategy.NONE)) == 1
+
+
+def test_margins_are_percent_and_both_values() -> None:
+    """Table 2: 400 N continuous, 36.8 A; Ix16 is 100 mm/s; the bandwidth of Eq 9 with Table 4 is 55.2 Hz."""
+    lines = plain(margin_lines(margins(seen(), Strategy.PVT), load("en"), 60, 6)).split("\n")
+    assert [line.split() for line in lines] == [
+        [*"stroke □□□□□□□□□□□□□□□□□□□□□□□ 0.062 / 77.000 mm 0 %".split()],
+        [*"velocity ■■□□□□□□□□□□□□□□□□□□□□□ 9.8 / 100.0 mm/s 10 %".split()],
+        [*"accel. □□□□□□□□□□□□□□□□□□□□□□□ 3.1 / 250.0 m/s2 1 %".split()],
+        [*"thrust, rms ■□□□□□□□□□□□□□□□□□□□□□□ 10.4 / 400.0 N 3 %".split()],
+        [*"current □□□□□□□□□□□□□□□□□□□□□□□ 0.27 / 36.80 A 1 %".split()],
+        [*"servo loop ■■■■■■■■■■■■■■■■■■■■■□□ 50.0 / 55.2 Hz 91 %".split()],
+    ]
+
+
+def test_a_lobe_above_the_bandwidth_is_marked_not_only_coloured() -> None:
+    fast = seen(spindle_speed_rpm=2000.0)
+    lines = margin_lines(margins(fast, Strategy.PVT), load("en"), 60, 6)
+    assert plain(lines).split("\n")[-1].endswith("100.0 / 55.2 Hz 181 %!")
+    assert (" 181 %", Token.WARNING) in lines[-1]
+
+
+def test_a_plain_cut_needs_nothing_of_the_drive() -> None:
+    lines = plain(margin_lines(margins(seen(), Strategy.NONE), load("en"), 60, 6)).split("\n")
+    assert all("  0 %" in line for line in lines[:-1])
+
+
+def test_servo_and_inverse_are_told_at_the_frequency_that_is_reached() -> None:
+    """The sampled loop at 50 Hz has 0.886 and 0.902 rad (51.7 deg) of lag, a third of it in spindle angle."""
+    text = plain(strategy_lines(seen(), Strategy.PVT, load("en"), 60, 12))
+    assert "servo at 50.0 Hz" in text
+    assert "x0.886  -51.7°" in text
+    assert "x1.129, lead 17.2° spindle" in text
+    paper = plain(strategy_lines(seen(), Strategy.PAPER, load("en"), 60, 20))
+    assert "servo at 25.0 Hz" in paper
+    assert "not inverted" in paper
+    assert "127.5 um" in paper
+    assert "blending leaves 36.67 um" in paper
+
+
+def test_c_steps_through_the_strategies() -> None:
+    app, page = staged(previewed("pvt"))
+
+    async def play(pilot: Pilot[None]) -> list[str]:
+        chosen = []
+        for _ in range(3):
+            page.act("preview.strategy")
+            await pilot.pause()
+            assert page.desk.work is not None
+            row = next(row for row in grid(app).split("\n") if "▸" in row)
+            chosen.append(f"{page.desk.work.strategy}: {row.split()[1]}")
+        return chosen
+
+    async def run() -> list[str]:
+        async with app.run_test(size=ROOMS[0]) as pilot:
+            await pilot.pause()
+            return await play(pilot)
+
+    assert asyncio.run(run()) == ["paper: paper", "none: none", "pvt: pvt"]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_without_a_preview_the_page_says_why(language: str) -> None:
+    text = load(language)
+    assert text("preview_page.no_job") in shown(None, language=language)
+    work = experiment()
+    assert text("preview_page.computing") in shown(work, language=language)
+    problem = Problem(code="response.too_small", value="0.01", limit=">= 0.05")
+    refused = shown(replace(work, preview_problems=(problem,)), (160, 42), language)
+    assert f"✗ {text.problem(problem)}" in refused
+
+
+def test_the_charts_come_as_soon_as_the_preview_is_there() -> None:
+    app, page = staged(experiment())
+
+    async def play() -> str:
+        async with app.run_test(size=ROOMS[0]) as pilot:
+            await pilot.pause()
+            page.show(replace(app.view, work=previewed()))
+            await pilot.pause()
+            return grid(app)
+
+    assert "jaw 1 at 90.0°" in asyncio.run(play())
+
+
+def test_a_page_may_be_shown_before_it_has_a_size_and_survives_every_size() -> None:
+    app, page = staged(previewed("paper"))
+    page.show(app.view)
+
+    async def play() -> str:
+        async with app.run_test(size=(80, 18)) as pilot:
+            for size in ((1, 1), (2, 2), (60, 3), (60, 12), (200, 60), (80, 18)):
+                await pilot.resize_terminal(*size)
+                await pilot.pause()
+            return grid(app)
+
+    assert "28.1 um" in asyncio.run(play())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_next_step_is_one_row_and_names_its_key(language: str) -> None:
+    app, page = staged(previewed(), language)
+    problem = Problem(code="response.too_small")
+    steps = {
+        "1": replace(app.view, work=None),
+        "2": replace(app.view, work=replace(experiment(), preview_problems=(problem,))),
+        "4": app.view,
+        "c": replace(app.view, work=previewed("pvt", jaws=6, spindle_speed_rpm=3000.0)),
+    }
+    for key, view in steps.items():
+        words = plain([page.next_step(view)])
+        assert key in words
+        assert cell_len(words) <= 77
+    assert cell_len(plain([page.next_step(replace(app.view, work=experiment()))])) <= 77
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_keys_of_the_page_fit_one_row(language: str) -> None:
+    text = load(language)
+    keys = "  ".join(f"{action.shown} {text(f'key.{action.id}')}" for action in actions_of(PageName.PREVIEW))
+    assert cell_len(keys) <= 80
+    assert "key." not in keys

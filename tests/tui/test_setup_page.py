@@ -1,0 +1,414 @@
+"""Set-up: values are judged as they are typed, locked while they matter, and nothing that was typed is lost."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.cells import cell_len
+from textual.pilot import Pilot
+
+from console.session.paths import jobs_folder
+from console.session.state import Activity, StationState
+from console.session.work import Work, edited
+from console.text.catalogue import load
+from console.tui.desk import View
+from console.tui.gate import FieldKind
+from console.tui.keymap import PageName, actions_of
+from console.tui.lines import width_of
+from console.tui.pages.fields import FORM
+from console.tui.pages.setup import SetupPage
+from profiles.store import load_job
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment, grid
+
+ROOMS = [(width, height - FRAME_ROWS) for width, height in (*SIZES, (60, 18))]
+FORCE = next(place for place, field in enumerate(FORM) if field.key == "chucking_force_n")
+READY = StationState(activity=Activity.READY)
+
+Scene = Callable[["Stage"], Awaitable[None]]
+
+
+class Stage:
+    """The page on its stage, with the keys that the gate would let through."""
+
+    def __init__(self, data: Path, work: Work | None, language: str, state: StationState) -> None:
+        self.control = FixedControl(state)
+        self.desk = desk_for(self.control, data, language, work)
+        self.page = SetupPage(self.desk)
+        self.app = PageStage(self.page, self.view)
+        self.pilot: Pilot[None]
+
+    @property
+    def view(self) -> View:
+        return View(state=self.control.state, work=self.desk.work, now_s=100.0)
+
+    async def act(self, *actions: str) -> None:
+        for action in actions:
+            self.page.act(action)
+            await self.pilot.pause()
+        self.page.show(self.view)
+        await self.pilot.pause()
+
+    async def type(self, text: str) -> None:
+        await self.pilot.press(*text)
+        await self.pilot.pause()
+
+    def kind(self) -> FieldKind:
+        return self.page.field
+
+    @property
+    def text(self) -> str:
+        return grid(self.app)
+
+    @property
+    def codes(self) -> list[str]:
+        return [problem.code for problem in self.desk.said]
+
+    @property
+    def next_step(self) -> str:
+        return "".join(piece for piece, _ in self.page.next_step(self.view))
+
+
+def play(
+    scene: Scene,
+    data: Path,
+    *,
+    work: Work | None = None,
+    language: str = "en",
+    size: tuple[int, int] = (80, 18),
+    state: StationState = READY,
+) -> None:
+    async def run() -> None:
+        stage = Stage(data, work, language, state)
+        async with stage.app.run_test(size=size) as pilot:
+            stage.pilot = pilot
+            await pilot.pause()
+            await scene(stage)
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("size", ROOMS)
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_values_stand_in_the_room_with_their_units(
+    size: tuple[int, int], language: str, tmp_path: Path
+) -> None:
+    async def scene(stage: Stage) -> None:
+        rows = stage.text.splitlines()
+        assert all(cell_len(row) <= size[0] for row in rows)
+        assert len(rows) <= size[1]
+        assert "D 52.000  mm" in stage.text
+        assert "1314.0  N" in stage.text
+        assert "645.7 N" in stage.text
+        assert stage.desk.text("setup.hold", count=14, total=14)[:10] in stage.text
+
+    play(scene, tmp_path, work=experiment(), language=language, size=size)
+
+
+def test_the_grip_at_speed_is_that_of_the_standard(tmp_path: Path) -> None:
+    """VDI 3106 by hand: F_sp0 / S_sp less the sum of m r omega^2 over the jaws."""
+    work = experiment()
+    chuck = work.machine.machine.chuck
+    omega = 1000.0 * 2.0 * 3.141592653589793 / 60.0
+    loss_n = 3 * chuck.jaw_mass_kg * chuck.jaw_radius_mm / 1000.0 * omega**2
+
+    async def scene(stage: Stage) -> None:
+        assert f"{loss_n:.1f} N" in stage.text
+        assert f"{1314.0 / chuck.safety_factor - loss_n:.1f} N" in stage.text
+        assert "50.0 Hz" in stage.text
+
+    play(scene, tmp_path, work=work)
+
+
+def test_without_a_job_the_way_to_one_is_shown(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        assert "No job is open" in stage.text
+        await stage.act("setup.edit", "setup.next", "setup.save_as", "setup.undo")
+        assert stage.kind() is FieldKind.NONE
+        assert stage.codes == ["screen.no_job"]
+        assert "1" in stage.next_step
+
+    play(scene, tmp_path)
+
+
+def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        assert stage.kind() is FieldKind.NUMBER
+        await stage.type("7000")
+        assert "= 7000.0" in stage.text
+        assert "✗ force, total = 7000 N" in stage.text
+        assert stage.desk.work is not None
+        assert stage.desk.work.job.chucking_force_n == 1314.0
+        await stage.act("setup.edit")
+        assert stage.kind() is FieldKind.NONE
+        assert stage.desk.work.job.chucking_force_n == 7000.0
+        assert "edited, not saved" in stage.text
+        assert "Refused by 1" in stage.next_step
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_another_force_than_that_of_the_error_is_warned_of(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.type("1400")
+        assert "! force, total = 1400 N, but" in stage.text
+        assert "13 of 14 rules hold" in stage.text
+
+    play(scene, tmp_path, work=experiment())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    ("typed", "code"), [("1,314", "value.ambiguous"), ("0", "value.out_of_range"), ("-", "value.not_number")]
+)
+def test_what_does_not_parse_is_not_taken_and_not_lost(
+    typed: str, code: str, language: str, tmp_path: Path
+) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.type(typed)
+        assert "✗ " + stage.desk.text("setup.refused") in stage.text
+        for ending in ("setup.edit", "setup.next", "setup.previous", "setup.save_as"):
+            stage.desk.said = ()
+            await stage.act(ending)
+            assert stage.codes == [code]
+            assert stage.kind() is FieldKind.NUMBER
+            assert f"[{typed} " in stage.text
+        assert stage.desk.work == experiment()
+
+    play(scene, tmp_path, work=experiment(), language=language)
+
+
+def test_letters_do_not_get_into_a_number(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.type("1a2e3")
+        assert "[123 " in stage.text
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_keys_that_come_in_one_piece_are_all_in_the_value(tmp_path: Path) -> None:
+    """A slow line delivers the digits and Enter at once; no digit may come after the end of the entry."""
+
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        from textual.events import Key
+
+        for character in "1350":
+            stage.app.focused.post_message(Key(character, character))  # type: ignore[union-attr]
+        stage.page.act("setup.edit")
+        await stage.pilot.pause()
+        assert stage.desk.work is not None
+        assert stage.desk.work.job.chucking_force_n == 1350.0
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act("setup.edit")
+        assert stage.kind() is FieldKind.TEXT
+        await stage.type("Steel 45")
+        await stage.act("setup.next")
+        assert stage.kind() is FieldKind.NUMBER
+        await stage.type("60,5")
+        await stage.act("setup.edit")
+        assert stage.desk.work is not None
+        assert (stage.desk.work.job.material, stage.desk.work.job.diameter_mm) == ("Steel 45", 60.5)
+        await stage.act("setup.undo")
+        assert stage.desk.work.job.diameter_mm == 52.0
+        await stage.act("setup.undo")
+        assert not stage.desk.work.edited
+        await stage.act("setup.undo")
+        assert stage.codes == ["screen.nothing_to_undo"]
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * 20, "setup.edit")
+        await stage.type("4")
+        await stage.act("setup.next")
+        assert stage.kind() is FieldKind.NONE
+        assert stage.desk.work is not None
+        assert stage.desk.work.job.roundness_tolerance_um == 4.0
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_an_empty_entry_keeps_the_value(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.pilot.press("delete")
+        assert "1314.0 N stays" in stage.text
+        await stage.act("setup.edit")
+        assert stage.desk.work is not None
+        assert not stage.desk.work.edited
+        assert stage.kind() is FieldKind.NONE
+
+    play(scene, tmp_path, work=experiment())
+
+
+@pytest.mark.parametrize(
+    ("typed", "force_n", "codes"), [("1350", 1350.0, []), ("1,350", 1314.0, ["screen.entry_dropped"])]
+)
+def test_leaving_takes_a_good_value_and_says_which_one_it_drops(
+    typed: str, force_n: float, codes: list[str], tmp_path: Path
+) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.type(typed)
+        stage.page.leave()
+        assert stage.kind() is FieldKind.NONE
+        assert stage.desk.work is not None
+        assert stage.desk.work.job.chucking_force_n == force_n
+        assert stage.codes == codes
+
+    play(scene, tmp_path, work=experiment())
+
+
+def armed() -> Any:
+    return object()
+
+
+@pytest.mark.parametrize(
+    ("state", "code"),
+    [
+        (replace(READY, activity=Activity.CUTTING), "screen.locked_moving"),
+        (replace(READY, activity=Activity.ARMING), "screen.locked_armed"),
+        (replace(READY, armed=armed()), "screen.locked_armed"),
+    ],
+)
+def test_values_are_locked_while_they_matter(state: StationState, code: str, tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        before = stage.desk.work
+        for action in ("setup.edit", "setup.undo", "setup.save_as"):
+            stage.desk.said = ()
+            await stage.act(action)
+            assert stage.codes == [code]
+            assert stage.kind() is FieldKind.NONE
+        await stage.act("setup.next")
+        assert stage.desk.work is before
+        assert "locked" in stage.text
+
+    play(scene, tmp_path, work=edited(experiment(), "jaws", "4"), state=state)
+
+
+def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.type("1350")
+        stage.control.state = replace(READY, activity=Activity.HOMING)
+        stage.page.show(stage.view)
+        assert stage.kind() is FieldKind.NONE
+        assert stage.codes == ["screen.entry_dropped"]
+        assert stage.desk.work is not None
+        assert not stage.desk.work.edited
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act("setup.save_as")
+        assert stage.kind() is FieldKind.TEXT
+        assert "[lee-2001-experiment-1-2 " in stage.text
+        await stage.type("lee-2001-experiment-1")
+        await stage.act("setup.edit")
+        assert stage.codes == ["screen.name_taken"]
+        assert stage.desk.said[0].limit == "lee-2001-experiment-1-2"
+        await stage.pilot.press("home", *["delete"] * 40)
+        await stage.pilot.press("m", "y", "space", "r")
+        await stage.act("setup.edit")
+        assert stage.kind() is FieldKind.NONE
+        assert stage.desk.work is not None
+        assert stage.desk.work.loaded == load_job("my r", jobs_folder(tmp_path))
+        assert stage.desk.work.job.name == "my r"
+        assert stage.desk.work.job.jaws == 4
+
+    play(scene, tmp_path, work=edited(experiment(), "jaws", "4"))
+
+
+def test_nothing_is_saved_without_a_name(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act("setup.save_as")
+        await stage.pilot.press("delete")
+        await stage.act("setup.edit")
+        assert stage.kind() is FieldKind.NONE
+        await stage.act("setup.save_as")
+        stage.page.leave()
+        assert stage.codes == ["screen.not_saved"]
+        assert not jobs_folder(tmp_path).exists()
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_a_disk_that_refuses_is_said_and_the_name_stays(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act("setup.save_as")
+        (tmp_path / "jobs").write_text("a file where the folder should be")
+        await stage.act("setup.edit")
+        assert stage.codes == ["file.not_writable"]
+        assert stage.kind() is FieldKind.TEXT
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_the_entry_lies_over_its_brackets_after_the_terminal_has_changed(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.type("777")
+        for size in ((100, 24), (60, 12), (160, 42), (80, 18)):
+            await stage.pilot.resize_terminal(*size)
+            stage.page.show(stage.view)
+            await stage.pilot.pause()
+            assert "[777       ]" in stage.text
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act("setup.edit")
+        for size in ((1, 1), (10, 3), (30, 5)):
+            await stage.pilot.resize_terminal(*size)
+            await stage.act("setup.next", "setup.save_as")
+
+    play(scene, tmp_path, work=experiment())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("page", [PageName.JOBS, PageName.SETUP])
+def test_the_keys_of_a_page_stand_in_one_row(page: PageName, language: str) -> None:
+    text = load(language)
+    words = "  ".join(f"{action.shown} {text(f'key.{action.id}')}" for action in actions_of(page))
+    assert cell_len(words) <= 70
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_next_step_stands_in_its_row(language: str, tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        def fits() -> bool:
+            return 0 < width_of(stage.page.next_step(stage.view)) <= 78
+
+        assert fits()
+        await stage.act("setup.save_as")
+        assert fits()
+        await stage.pilot.press("delete")
+        await stage.act("setup.edit", *["setup.next"] * FORCE, "setup.edit")
+        assert fits()
+        await stage.type("0")
+        assert fits()
+        await stage.type(".1")
+        await stage.act("setup.edit")
+        assert fits()
+
+    play(scene, tmp_path, work=experiment(), language=language)

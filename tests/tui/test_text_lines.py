@@ -1,0 +1,66 @@
+"""Lines of text: what is set to a width has that width, in cells."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.cells import cell_len
+
+from console.tui.lines import changed, fact, fitted, line, ranged, to_strip, width_of, wrapped
+from console.tui.theme import COLOUR, Token
+
+words = st.text(st.sampled_from("ab c가나Ø°±·─") | st.characters(categories=["L", "N"]), max_size=30)
+tokens = st.sampled_from([Token.TEXT, Token.DIM, Token.ALARM])
+lines_ = st.lists(st.tuples(words, tokens), max_size=5).map(tuple)
+
+
+@given(words, st.integers(0, 40))
+def test_a_fitted_text_has_its_width(text: str, width: int) -> None:
+    assert cell_len(fitted(text, width)) == width
+
+
+@given(words, st.integers(4, 40))
+def test_a_text_that_is_cut_says_so(text: str, width: int) -> None:
+    if cell_len(text) > width:
+        assert "…" in fitted(text, width)
+
+
+@given(lines_, words, st.integers(30, 90))
+def test_left_and_right_fill_the_row(left: tuple[tuple[str, Token], ...], right: str, width: int) -> None:
+    right = fitted(right, min(cell_len(right), width))
+    assert width_of(ranged(left, line(right), width)) == width
+
+
+@given(words, words, st.integers(20, 60))
+def test_a_fact_fills_its_row_and_its_value_stands_right(label: str, value: str, width: int) -> None:
+    pieces = fact(label, value, width, label_width=10)
+    assert width_of(pieces) == width
+    assert pieces[-1][0].endswith(value) or cell_len(value) > width - 10
+
+
+@given(words, st.integers(2, 30))
+def test_wrapping_loses_no_letter_and_no_row_is_too_wide(text: str, width: int) -> None:
+    rows = wrapped(text, width)
+    assert "".join("".join(t for t, _ in row) for row in rows).replace(" ", "") == "".join(text.split())
+    assert all(width_of(row) <= width for row in rows)
+
+
+@given(lines_, st.integers(1, 60))
+def test_a_strip_is_as_wide_as_its_place_and_has_a_style_everywhere(
+    pieces: tuple[tuple[str, Token], ...], width: int
+) -> None:
+    strip = to_strip(pieces, width, COLOUR)
+    assert strip.cell_length == width
+    assert all(segment.style is not None for segment in strip)
+
+
+@given(lines_, lines_)
+def test_outside_of_the_changed_cells_nothing_changes(
+    before: tuple[tuple[str, Token], ...], after: tuple[tuple[str, Token], ...]
+) -> None:
+    first, end = changed(before, after)
+    old, new = (to_strip(pieces, 200, COLOUR) for pieces in (before, after))
+    assert old.crop(0, first).text == new.crop(0, first).text
+    assert old.crop(end, 200).text == new.crop(end, 200).text
+    if before == after:
+        assert (first, end) == (0, 0)
