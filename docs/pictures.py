@@ -8,58 +8,54 @@ text (plots in braille, bars, frames) is drawn, so that it stands on the grid wi
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 from tests.terminal import Terminal
 from tests.terminal_screen import Cell
+from tests.trainee import Trainee, console
 
 FOLDER = Path(__file__).with_name("pictures")
 COLUMNS, ROWS = 100, 30
 
 # The way of an operator through the job -----------------------------------------------------------------------
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """Press the keys, wait for the words, and take a picture if it has a name."""
-
-    keys: tuple[str, ...] = ()
-    wanted: str
-    timeout_s: float = 30.0
-    picture: str = ""
+HALF_DONE = re.compile(r"\b(4[5-9]|5\d) %")
 
 
-JOURNEY: tuple[Step, ...] = (
-    Step(wanted="SIM"),
-    Step(keys=("3",), wanted="3 PREVIEW", picture="preview"),
-)
-PICTURES = ("preview", "run", "inspect")
-
-
-def photograph(terminal: Terminal, folder: Path) -> list[str]:
-    """Go through the job and write a picture at each step that has one.
-
-    Returns:
-        The names of the pictures, in the order in which they were taken.
+def photograph(terminal: Terminal, folder: Path) -> None:
+    """Go through the job as a trainee would, and take a picture of Preview, of Run in mid-cut and of Inspect.
 
     Raises:
         AssertionError: a page did not come; with the screen as it was.
     """
-    taken = []
-    for step in JOURNEY:
-        terminal.press(*step.keys)
-        terminal.wait_for(step.wanted, step.timeout_s)
-        if step.picture:
-            (folder / f"{step.picture}.svg").write_text(svg(terminal.cells()), encoding="utf-8")
-            taken.append(step.picture)
-    return taken
+    trainee = Trainee(terminal, "en")
+    trainee.opens_the_first_job()
+    trainee.press("3")
+    trainee.sees("preview_page.how.pvt")
+    _take(terminal, folder / "preview.svg")
+    trainee.aligns()
+    trainee.starts_the_cut()
+    terminal.wait_for(lambda screen: HALF_DONE.search(screen) is not None, 60.0)
+    _take(terminal, folder / "run.svg")
+    trainee.waits_for_the_end_of_the_cut()
+    trainee.measures()
+    terminal.wait_for(r"RONt\D*?\d+\.\d+")
+    _take(terminal, folder / "inspect.svg")
+    terminal.press("ctrl+q")
+    terminal.wait_exit()
+
+
+def _take(terminal: Terminal, path: Path) -> None:
+    path.write_text(svg(terminal.cells()), encoding="utf-8")
+    print(f"written: {path.name}")
 
 
 # From cells to a picture --------------------------------------------------------------------------------------
@@ -274,20 +270,13 @@ def _ink(cell: Cell) -> Ink:
     return Ink(_colours(cell)[0], cell.bold, cell.italic, cell.underline)
 
 
-def main(arguments: Iterable[str] = ()) -> int:
+def main(arguments: Sequence[str]) -> None:
     """Take all pictures, into the folder given or that of the documentation."""
-    folder = Path(next(iter(arguments), FOLDER))
+    folder = Path(arguments[0]) if arguments else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as data:
-        command = [sys.executable, "-m", "console", "--sim", "--data", data]
-        with Terminal(command, columns=COLUMNS, rows=ROWS) as terminal:
-            taken = photograph(terminal, folder)
-    missing = [name for name in PICTURES if name not in taken]
-    print(f"written to {folder}: {', '.join(taken)}")
-    if missing:
-        print(f"not taken: {', '.join(missing)}", file=sys.stderr)
-    return 1 if missing else 0
+    with tempfile.TemporaryDirectory() as data, console(Path(data), "en", COLUMNS, ROWS) as terminal:
+        photograph(terminal, folder)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main(sys.argv[1:])

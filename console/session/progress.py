@@ -20,6 +20,7 @@ from profiles.machine import MachineProfile
 KEPT_LOOKS = 240
 """Looks that are shown and judged: some eight seconds."""
 
+SPEED_LOOKS = 40
 PHASE_LOOKS = 60
 LEAST_PHASE_LOOKS = 20
 
@@ -90,13 +91,12 @@ class CutWatch:
         self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
         self._peak_um = 0.0
-        self._last: Snapshot | None = None
-        self._speed_rpm = 0.0
+        self._turns: deque[tuple[float, float]] = deque(maxlen=SPEED_LOOKS)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool) -> CutProgress:
         """Take a look into account and return the moment that it shows."""
         self._telemetry.see(snapshot)
-        self._measure_speed(snapshot)
+        self._turns.append((snapshot.at_s, snapshot.spindle.position / self._machine.spindle.counts_per_rev))
         angle_deg = self._angle_deg(snapshot)
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
         wanted_um = float(self._plan.wanted.at_um(angle_deg))
@@ -120,17 +120,19 @@ class CutWatch:
     ) -> CutProgress:
         machine, job = self._machine, self._job
         z_mm = (snapshot.carriage.position - self._face) / machine.carriage.counts_per_mm
+        if stage is CutStage.POSITION:
+            z_mm = 0.0  # the carriage comes from wherever it stood; nothing of the cut is done
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
         angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
         return CutProgress(
             stage=stage,
             holding=holding,
-            turn=max(z_mm, 0.0) / job.feed_mm_per_rev,
+            turn=min(max(z_mm, 0.0), job.cut_length_mm) / job.feed_mm_per_rev,
             turns=job.cut_length_mm / job.feed_mm_per_rev,
             z_mm=min(max(z_mm, 0.0), job.cut_length_mm),
             length_mm=job.cut_length_mm,
             left_s=max(job.cut_length_mm - max(z_mm, 0.0), 0.0) / per_s if per_s else 0.0,
-            speed_rpm=self._speed_rpm,
+            speed_rpm=self._speed_rpm(),
             tool_radius_mm=machine.tool.home_radius_mm - snapshot.tool.position / machine.tool.counts_per_mm,
             infeed_um=infeed_um,
             wanted_um=wanted_um,
@@ -145,14 +147,12 @@ class CutWatch:
     def _angle_deg(self, snapshot: Snapshot) -> float:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
 
-    def _measure_speed(self, snapshot: Snapshot) -> None:
-        before, self._last = self._last, snapshot
-        if before is None or snapshot.at_s <= before.at_s:
-            return
-        turns = (snapshot.spindle.position - before.spindle.position) / self._machine.spindle.counts_per_rev
-        rpm = 60.0 * turns / (snapshot.at_s - before.at_s)
-        # Single looks are known to some milliseconds only: the figure is smoothed over about ten of them.
-        self._speed_rpm = rpm if self._speed_rpm == 0.0 else self._speed_rpm + 0.1 * (rpm - self._speed_rpm)
+    def _speed_rpm(self) -> float:
+        """Return the slope through the last second or so: the time of a single look is known to some ms only."""
+        if len(self._turns) < 2:
+            return 0.0
+        at_s, turns = np.array(self._turns).T
+        return float(60.0 * np.polyfit(at_s - at_s[0], turns, 1)[0])
 
 
 def phase_error_deg(looks: NDArray[np.float64], wanted: Sinusoid) -> float | None:

@@ -19,7 +19,7 @@ from console.tui.desk import Desk, View
 from console.tui.driver import StopSent
 from console.tui.frame import Frame, alarm_row, keys_row, next_row, pages_row, state_row, stop_row
 from console.tui.gate import FieldKind, Situation, Verdict, judge
-from console.tui.help import help_lines
+from console.tui.help import LISTS, help_lines
 from console.tui.keymap import Action, PageName
 from console.tui.lines import Line, line, wrapped
 from console.tui.page import Page
@@ -64,7 +64,7 @@ class ConsoleApp(App[None]):
     .row { height: 1; width: 1fr; }
     #body { height: 1fr; width: 1fr; }
     .page { height: 1fr; width: 1fr; }
-    #help, #small { height: 1fr; width: 1fr; padding: 1 2; display: none; }
+    #help, #small { height: 1fr; width: 1fr; padding: 0 1; display: none; }
     .helping #help { display: block; }
     .helping .page { display: none; }
     .small .row, .small #body { display: none; }
@@ -102,6 +102,7 @@ class ConsoleApp(App[None]):
         self._ticking = ticking
         self._pages: dict[PageName, Page] = {}
         self._page = PageName.JOBS
+        self._help_list = 0
         self._previewer = Previewer()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._help = Sheet(palette, id="help")
@@ -150,7 +151,7 @@ class ConsoleApp(App[None]):
         if self._is_small:
             self._show_small()
             return
-        if not self.screen.has_class("helping"):
+        if not self._help_list:
             self._safely(lambda: page.show(view))
         self.field_kind = page.field
         self._safely(lambda: self._show_rows(page, view))
@@ -166,7 +167,7 @@ class ConsoleApp(App[None]):
             page.display = True
             if not page.is_attached:
                 self.query_one("#body").mount(page)
-        self.screen.remove_class("helping")
+        self._show_help(0)
         self.call_after_refresh(self.tick)
 
     def stop_now(self, key: str) -> None:
@@ -263,10 +264,9 @@ class ConsoleApp(App[None]):
         if kind == "page":
             self.go(PageName(rest))
         elif action.id == "help":
-            self._help.show(help_lines(self.desk.text, self._page))
-            self.screen.toggle_class("helping")
+            self._show_help((self._help_list + 1) % (LISTS + 1))
         elif action.id == "close":
-            self.screen.remove_class("helping")
+            self._show_help(0)
         elif action.id == "quit":
             self.action_quit()
         elif action.id == "recover":
@@ -274,8 +274,15 @@ class ConsoleApp(App[None]):
         elif action.id == "acknowledge":
             self._post_acknowledge()
         else:
-            self.screen.remove_class("helping")
+            self._show_help(0)
             self._safely(lambda: page.act(action.id))
+
+    def _show_help(self, number: int) -> None:
+        """Show one of the lists of keys in the place of the page; 0 shows the page again."""
+        self._help_list = number
+        self.screen.set_class(number > 0, "helping")
+        if number:
+            self._help.show(help_lines(self.desk.text, self._page, number, self.size.width - 2))
 
     def _post_recover(self) -> None:
         from console.session.intents import Recover  # not needed for the first paint, as below

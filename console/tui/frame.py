@@ -140,7 +140,10 @@ def keys_row(frame: Frame, width: int) -> Line:
     helping = [("?", Token.KEY), (f" {frame.text('key.help')}", Token.DIM)]
     room = width - 1 - width_of(tuple(helping))
     for action in actions_of(frame.page):
-        fresh = [(action.shown, Token.KEY), (f" {frame.text(f'key.{action.id}')}  ", Token.DIM)]
+        written = action.shown if action.row is None else action.row
+        if not written:
+            continue
+        fresh = [(written, Token.KEY), (f" {frame.text(f'key.{action.id}')}  ", Token.DIM)]
         room -= width_of(tuple(fresh))
         if room < 0:
             break
@@ -150,4 +153,5 @@ def keys_row(frame: Frame, width: int) -> Line:
 
 def _reason(text: Catalogue, reason: str) -> str:
     """A key is named as it is written, anything else as it is."""
-    return text(f"stop_reason.{reason}") if reason in ("space", "escape", "f9", "f12", "unbound") else reason
+    known = ("space", "escape", "f9", "f12", "unbound", "page", "screen")
+    return text(f"stop_reason.{reason}") if reason in known else reason

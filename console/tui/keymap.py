@@ -24,11 +24,15 @@ class PageName(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """One action. Its words are `key.<id>` in the catalogues; `shown` is how its keys are written."""
+    """One action. `shown` is how its key is written in the help, with the words `key_help.<id>` of the catalogues.
+
+    The key row writes `row` where that differs, "" leaves the action out there, with the words `key.<id>`.
+    """
 
     id: str
     keys: tuple[str, ...]
     shown: str
+    row: str | None = None
     page: PageName | None = None
     moves: bool = False
 
@@ -51,15 +55,15 @@ _EVERYWHERE = (
 )
 
 _JOBS = (
+    Action(id="jobs.up", keys=("up",), shown="↑", row="↑↓", page=PageName.JOBS),
+    Action(id="jobs.down", keys=("down",), shown="↓", row="", page=PageName.JOBS),
     Action(id="jobs.open", keys=("enter",), shown="Enter", page=PageName.JOBS),
-    Action(id="jobs.up", keys=("up",), shown="↑", page=PageName.JOBS),
-    Action(id="jobs.down", keys=("down",), shown="↓", page=PageName.JOBS),
 )
 
 _SETUP = (
+    Action(id="setup.next", keys=("tab", "down"), shown="↓ Tab", row="↑↓", page=PageName.SETUP),
+    Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", row="", page=PageName.SETUP),
     Action(id="setup.edit", keys=("enter",), shown="Enter", page=PageName.SETUP),
-    Action(id="setup.next", keys=("tab", "down"), shown="↓", page=PageName.SETUP),
-    Action(id="setup.previous", keys=("shift+tab", "up"), shown="↑", page=PageName.SETUP),
     Action(id="setup.undo", keys=("u", "ㅕ"), shown="u", page=PageName.SETUP),
     Action(id="setup.save_as", keys=("s", "ㄴ"), shown="s", page=PageName.SETUP),
 )
@@ -67,22 +71,22 @@ _SETUP = (
 _PREVIEW = (
     Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c", page=PageName.PREVIEW),
     Action(id="preview.program", keys=("p", "ㅔ"), shown="p", page=PageName.PREVIEW),
-    Action(id="preview.up", keys=("up", "pageup"), shown="↑", page=PageName.PREVIEW),
-    Action(id="preview.down", keys=("down", "pagedown"), shown="↓", page=PageName.PREVIEW),
+    Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓", page=PageName.PREVIEW),
+    Action(id="preview.down", keys=("down", "pagedown"), shown="↓", row="", page=PageName.PREVIEW),
 )
 
 _ALIGN = (
     Action(id="align.step", keys=("f4",), shown="F4", page=PageName.ALIGN, moves=True),
     Action(id="align.take", keys=("enter",), shown="Enter", page=PageName.ALIGN),
     Action(id="align.enable", keys=("j", "ㅓ"), shown="j", page=PageName.ALIGN),
-    Action(id="align.in", keys=("down",), shown="↓", page=PageName.ALIGN, moves=True),
-    Action(id="align.out", keys=("up",), shown="↑", page=PageName.ALIGN, moves=True),
-    Action(id="align.chuck", keys=("left",), shown="←", page=PageName.ALIGN, moves=True),
-    Action(id="align.tail", keys=("right",), shown="→", page=PageName.ALIGN, moves=True),
-    Action(id="align.forward", keys=("pageup",), shown="PgUp", page=PageName.ALIGN, moves=True),
-    Action(id="align.backward", keys=("pagedown",), shown="PgDn", page=PageName.ALIGN, moves=True),
-    Action(id="align.larger", keys=("+", "="), shown="+", page=PageName.ALIGN),
-    Action(id="align.smaller", keys=("-",), shown="-", page=PageName.ALIGN),
+    Action(id="align.in", keys=("down",), shown="↓", row="", page=PageName.ALIGN, moves=True),
+    Action(id="align.out", keys=("up",), shown="↑", row="↑↓", page=PageName.ALIGN, moves=True),
+    Action(id="align.chuck", keys=("left",), shown="←", row="←→", page=PageName.ALIGN, moves=True),
+    Action(id="align.tail", keys=("right",), shown="→", row="", page=PageName.ALIGN, moves=True),
+    Action(id="align.forward", keys=("pageup",), shown="PgUp", row="PgUp/Dn", page=PageName.ALIGN, moves=True),
+    Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", page=PageName.ALIGN, moves=True),
+    Action(id="align.larger", keys=("+", "="), shown="+", row="+-", page=PageName.ALIGN),
+    Action(id="align.smaller", keys=("-",), shown="-", row="", page=PageName.ALIGN),
     Action(id="align.off", keys=("f3",), shown="F3", page=PageName.ALIGN),
 )
 

@@ -20,9 +20,10 @@ DOCUMENTS = (
     "benchmarks/README.md",
     "docs/paper-program.md",
     "docs/pmac-emulation.md",
+    "docs/screens.md",
 )
 COMMANDS = (
-    "python3 -m venv .venv && .venv/bin/pip install -q -e . && .venv/bin/console run lee-2001-experiment-1 --sim",
+    "python3 -m venv .venv && .venv/bin/pip install -q -e . && .venv/bin/console --sim",
     "python3 -m venv .venv && .venv/bin/pip install -q -e '.[test]' && .venv/bin/pytest",
 )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -193,16 +192,12 @@ def test_the_environment_is_that_of_a_plain_terminal(monkeypatch: pytest.MonkeyP
         assert plain.row(1) == "True True True"
 
 
-def test_a_picture_is_taken_at_each_step_that_has_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    journey = (
-        pictures.Step(wanted=r"child \d+\."),
-        pictures.Step(keys=("f5",), wanted="action five", picture="five"),
-    )
-    monkeypatch.setattr(pictures, "JOURNEY", journey)
+def test_a_picture_is_what_stands_on_the_terminal() -> None:
     with small_app() as terminal:
-        assert pictures.photograph(terminal, tmp_path) == ["five"]
-    assert [path.name for path in tmp_path.iterdir()] == ["five.svg"]
-    drawn = (tmp_path / "five.svg").read_text(encoding="utf-8")
+        terminal.wait_for(r"child \d+\.")
+        terminal.press("f5")
+        terminal.wait_for("action five")
+        drawn = pictures.svg(terminal.cells())
     assert ">action five.</text>" in drawn
     assert ">차축</text>" in drawn
 

@@ -1,0 +1,52 @@
+"""The figures of a cut as it goes: phase against a sine of known lag, progress that ends at its end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.session.intents import Start
+from console.session.progress import CutProgress, CutStage, phase_error_deg
+from profiles.compensation import Sinusoid
+from tests.console.floor import experiment_1, open_floor
+
+WANTED = Sinusoid(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=40.0)
+
+
+@given(st.floats(-20.0, 20.0), st.floats(0.5, 1.5), st.integers(0, 1000))
+def test_the_phase_error_is_how_far_the_tool_is_behind(lag_deg: float, gain: float, seed: int) -> None:
+    """A tool that makes the wanted sine `lag_deg` of the spindle later, looked at at any angles."""
+    angle = np.random.default_rng(seed).uniform(0.0, 3600.0, 60)
+    infeed = 100.0 + gain * 27.5 * np.cos(3.0 * np.radians(angle - lag_deg - 40.0))
+    found = phase_error_deg(np.stack([angle, infeed], axis=1), WANTED)
+    assert found == pytest.approx(lag_deg, abs=1e-6)
+
+
+def test_without_a_lobe_there_is_no_phase() -> None:
+    looks = np.stack([np.linspace(0.0, 360.0, 60), np.full(60, 100.0)], axis=1)
+    assert phase_error_deg(looks, WANTED) is None
+    flat = Sinusoid(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0)
+    assert phase_error_deg(looks, flat) is None
+
+
+def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path) -> None:
+    floor = open_floor(tmp_path)
+    floor.set_up(experiment_1())
+    floor.arm(experiment_1())
+    seen: list[CutProgress] = []
+    floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)
+    floor.do(Start())
+    stages = list(dict.fromkeys(moment.stage for moment in seen))
+    assert stages == [CutStage.POSITION, CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT]
+    assert all(a.fraction <= b.fraction for a, b in zip(seen, seen[1:], strict=False))
+    cutting = [moment for moment in seen if moment.stage is CutStage.CUT]
+    steady = cutting[len(cutting) // 2 :]
+    assert all(moment.speed_rpm == pytest.approx(1000.0, abs=2.0) for moment in steady)
+    assert all(abs(moment.phase_error_deg or 0.0) < 0.1 for moment in steady)
+    assert max(abs(moment.tool_error_um) for moment in steady) < 2.0
+    last = floor.state.cut
+    assert last is not None and (last.turn, last.fraction) == (160.0, 1.0)

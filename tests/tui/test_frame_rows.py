@@ -1,0 +1,115 @@
+"""The rows that never move: what they say, and that they fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime
+
+import pytest
+
+from console.session.alarms import Priority, acknowledged, raised
+from console.session.state import Activity, StationState, StopState
+from console.text.catalogue import load
+from console.tui.app import ROWS
+from console.tui.frame import Frame, alarm_row, keys_row, next_row, spindle_stop_s, state_row, stop_row
+from console.tui.gate import FieldKind
+from console.tui.help import LISTS, help_lines
+from console.tui.keymap import PageName, actions_of
+from console.tui.lines import line, plain, width_of
+from drivers.snapshot import AxisState, Snapshot
+from profiles.problem import Problem
+from profiles.store import load_machine
+
+MACHINE = load_machine("lee-2001-lathe").machine
+REST = frozenset({"amplifier_enabled", "desired_velocity_zero", "in_position", "home_complete"})
+AXIS = AxisState(position=0.0, following_error=0.0, flags=REST)
+LOOK = Snapshot(at_s=10.0, tool=AXIS, spindle=AXIS, carriage=AXIS, program_running=False, runtime_error=False)
+READY = StationState(
+    activity=Activity.READY, machine="lee-2001-lathe", snapshot=LOOK, looked_s=10.0, round_trip_ms=4.4
+)
+STOPPED = replace(
+    READY,
+    activity=Activity.STOPPED,
+    stop=StopState(reason="space", killed=False, sent_s=10.0, rest_s=10.6, tool_in_part=True, can_retract=True),
+)
+ALARM = replace(READY, alarms=raised((), Problem(code="machine.fault", value="tool"), Priority.HIGH, 1.0))
+
+
+def frame(state: StationState = READY, language: str = "en", **changes: object) -> Frame:
+    made = Frame(
+        text=load(language),
+        state=state,
+        machine=MACHINE,
+        page=PageName.RUN,
+        field=FieldKind.NONE,
+        next_step=line("what to do"),
+        said=(),
+        clock=datetime(2026, 1, 2, 8, 41),
+        now_s=10.1,
+    )
+    return replace(made, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("width", [60, 80, 100, 160])
+@pytest.mark.parametrize("state", [StationState(), READY, STOPPED, ALARM], ids=["first", "ready", "stop", "alarm"])
+def test_no_row_is_wider_than_the_terminal(state: StationState, width: int, language: str) -> None:
+    for page in PageName:
+        for name, row in ROWS.items():
+            assert width_of(row(frame(state, language, page=page), width)) <= width, name
+
+
+def test_sim_is_the_first_word_on_the_screen() -> None:
+    assert plain([state_row(frame(), 80)]).startswith(" SIM ")
+    assert "SIM" not in plain([state_row(frame(replace(READY, simulated=False)), 80)])
+
+
+def test_an_old_look_says_how_old_it_is() -> None:
+    assert "link 4 ms" in plain([state_row(frame(), 80)])
+    assert "OLD, 3 s" in plain([state_row(frame(now_s=13.0), 80)])
+
+
+def test_an_alarm_stays_before_everything_else_until_it_was_seen() -> None:
+    refused = (Problem(code="screen.moving"),)
+    assert "!!!" in plain([alarm_row(frame(ALARM, said=refused), 80)])
+    seen = replace(ALARM, alarms=acknowledged(ALARM.alarms))
+    assert "not while something moves" in plain([alarm_row(frame(seen, said=refused), 80)])
+    assert "!!!" in plain([alarm_row(frame(seen), 80)])
+
+
+def test_after_a_stop_the_next_step_is_the_way_back() -> None:
+    assert "F2" in plain([next_row(frame(STOPPED), 80)])
+    assert "0.6 s" in plain([stop_row(frame(STOPPED), 80)])
+
+
+def test_a_stop_that_is_not_proven_says_so() -> None:
+    sent = replace(STOPPED, activity=Activity.STOPPING, stop=StopState(reason="f9", killed=True, sent_s=10.0))
+    assert "not yet at rest" in plain([stop_row(frame(sent), 80)])
+
+
+def test_in_free_text_the_stop_key_is_another() -> None:
+    assert "SPACE" in plain([stop_row(frame(), 80)])
+    assert "F12" in plain([stop_row(frame(field=FieldKind.TEXT), 80)])
+
+
+def test_the_spindle_needs_its_speed_over_the_abort_rate() -> None:
+    """1000 rpm of 10000 counts are 166.7 counts/ms; at 0.5 counts/ms2 that is a third of a second."""
+    assert spindle_stop_s(MACHINE, 1000.0) == pytest.approx(0.3333, abs=1e-3)
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("page", PageName)
+def test_all_keys_of_a_page_stand_in_its_key_row(page: PageName, language: str) -> None:
+    row = plain([keys_row(frame(language=language, page=page), 80)])
+    missing = [a.id for a in actions_of(page) if a.row != "" and (a.row or a.shown) not in row]
+    assert missing == []
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_the_help_names_every_key_and_fits_a_page(language: str) -> None:
+    for page in PageName:
+        for number in (1, LISTS):
+            rows = help_lines(load(language), page, number, 78)
+            assert all(width_of(row) <= 78 for row in rows), page
+            assert len(rows) <= 18, (page, number)
+        assert all(a.shown in plain(help_lines(load(language), page, 1, 78)) for a in actions_of(page))
