@@ -9,10 +9,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from drivers.simulator.shop_view import ShopView
-
 from console.session.alarms import Alarms
 from console.session.alignment import Alignment
+from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import Snapshot
 from profiles.problem import Problem
 

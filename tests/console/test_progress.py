@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path) -> None:
     floor.do(Start())
     stages = list(dict.fromkeys(moment.stage for moment in seen))
     assert stages == [CutStage.POSITION, CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT]
-    assert all(a.fraction <= b.fraction for a, b in zip(seen, seen[1:], strict=False))
+    assert all(a.fraction <= b.fraction for a, b in itertools.pairwise(seen))
     cutting = [moment for moment in seen if moment.stage is CutStage.CUT]
     steady = cutting[len(cutting) // 2 :]
     assert all(moment.speed_rpm == pytest.approx(1000.0, abs=2.0) for moment in steady)

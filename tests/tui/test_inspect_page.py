@@ -16,7 +16,7 @@ from console.session.intents import Measure
 from console.session.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import load
 from console.tui.desk import View
-from console.tui.keymap import PageName, actions_of
+from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.inspect_lines import compared, harmonic_lines, phase_from_jaw_deg, result_lines
@@ -311,14 +311,6 @@ def test_the_next_step_is_one_row_and_names_its_key(state: StationState, key: st
     words = plain([page.next_step(View(state=state, work=None, now_s=0.0))])
     assert key in words
     assert 0 < cell_len(words) <= 77
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_the_keys_of_inspect_fit_one_row(language: str) -> None:
-    text = load(language)
-    keys = "  ".join(f"{action.shown} {text(f'key.{action.id}')}" for action in actions_of(PageName.INSPECT))
-    assert cell_len(keys) <= 80
-    assert "key." not in keys
 
 
 def test_a_failed_part_is_not_only_coloured() -> None:

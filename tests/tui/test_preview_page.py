@@ -20,7 +20,6 @@ from console.session.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.desk import View
-from console.tui.keymap import PageName, actions_of
 from console.tui.lines import plain
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
 from console.tui.pages.preview_lines import margin_lines, margins, strategy_lines
@@ -313,11 +312,3 @@ def test_the_next_step_is_one_row_and_names_its_key(language: str) -> None:
         assert key in words
         assert cell_len(words) <= 77
     assert cell_len(plain([page.next_step(replace(app.view, work=experiment()))])) <= 77
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_the_keys_of_the_page_fit_one_row(language: str) -> None:
-    text = load(language)
-    keys = "  ".join(f"{action.shown} {text(f'key.{action.id}')}" for action in actions_of(PageName.PREVIEW))
-    assert cell_len(keys) <= 80
-    assert "key." not in keys

@@ -18,9 +18,7 @@ from console.session.progress import PHASE_LIMIT_DEG, CutProgress, CutStage
 from console.session.state import Activity, Armed, StationState, StopState
 from console.session.telemetry import CutFigures
 from console.session.work import Work, edited, with_strategy
-from console.text.catalogue import load
 from console.tui.desk import View
-from console.tui.keymap import PageName, actions_of
 from console.tui.pages.cut_lines import gauge, mean_error_um
 from console.tui.pages.run import RunPage
 from drivers.cut import Strategy, plan_cut
@@ -382,10 +380,3 @@ def test_retract_after_a_cut_that_was_left() -> None:
 def test_enter_is_no_key_of_this_page() -> None:
     page = shown(state(), "run.take")
     assert page.orders == []
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_the_keys_fit_in_one_row(language: str) -> None:
-    text = load(language)
-    words = [f"{action.shown} {text(f'key.{action.id}')}" for action in actions_of(PageName.RUN)]
-    assert cell_len("  ".join(words)) <= 72

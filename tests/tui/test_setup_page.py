@@ -15,10 +15,8 @@ from textual.pilot import Pilot
 from console.session.paths import jobs_folder
 from console.session.state import Activity, StationState
 from console.session.work import Work, edited
-from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.gate import FieldKind
-from console.tui.keymap import PageName, actions_of
 from console.tui.lines import width_of
 from console.tui.pages.fields import FORM
 from console.tui.pages.setup import SetupPage
@@ -383,14 +381,6 @@ def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
             await stage.act("setup.next", "setup.save_as")
 
     play(scene, tmp_path, work=experiment())
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("page", [PageName.JOBS, PageName.SETUP])
-def test_the_keys_of_a_page_stand_in_one_row(page: PageName, language: str) -> None:
-    text = load(language)
-    words = "  ".join(f"{action.shown} {text(f'key.{action.id}')}" for action in actions_of(page))
-    assert cell_len(words) <= 70
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
