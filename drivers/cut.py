@@ -62,21 +62,27 @@ class CutPlan:
     findings: tuple[Finding, ...]
 
 
-def plan_cut(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None) -> CutPlan:
+def plan_cut(
+    job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None, *, from_turn: int = 0
+) -> CutPlan:
     """Plan a cut. `ts_ms` is the TS of the `paper` strategy in whole ms, None as printed.
+
+    The spindle begins `from_turn` whole turns away from its index: an axis that was never turned back since its
+    home has no reason to go all the way for one angle.
 
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
             `response.too_small`), or the controller would refuse it (`program.refused`).
     """
     wanted = wanted_path(job)
+    turned = float(from_turn * machine.spindle.counts_per_rev)
     if strategy is Strategy.PAPER:
-        setup = cut_setup(job, machine, spindle_start_counts(job, machine))
+        setup = cut_setup(job, machine, turned + spindle_start_counts(job, machine))
         refuse_endless(2 * job.jaws * setup.turns)
         text = paper_program(job, machine, setup, DEFAULT_TS_MS if ts_ms is None else ts_ms)
         tool_start = setup.surface
     else:
-        setup = cut_setup(job, machine)
+        setup = cut_setup(job, machine, turned)
         flat = replace(wanted, amplitude_um=0.0)
         command = _inverse(job, machine, wanted) if strategy is Strategy.PVT else flat
         text = pvt_program(job, setup, command)

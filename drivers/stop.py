@@ -7,8 +7,6 @@ the ones with hands in the machine among them, the stop is control-K, which open
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.link.base import Link
 from profiles.problem import Problem
@@ -28,7 +26,7 @@ class StopPath:
     control-K until then, whatever an older reply says of the drives.
 
     `loops_closed` is set by the lathe from what the controller reports, and cleared when that is in doubt; it
-    starts as False, because nothing is known yet.
+    starts as False, because nothing is known yet. `delivered` is whether the link took the last stop.
     """
 
     def __init__(self, link: Link) -> None:
@@ -38,6 +36,7 @@ class StopPath:
         # only says how many of them are over, so that no release can take back a stop that it does not know.
         self._begun: list[str] = []
         self._sent: list[None] = []
+        self.delivered = True
         self._killed_at = 0
         self._proven = 0
         self._released = 0
@@ -118,8 +117,10 @@ class StopPath:
         if kill or not self.loops_closed:
             self._killed_at = len(self._begun)
         try:
+            self._link.send_urgent(KILL_ALL if self.killed else ABORT_ALL)
+            self.delivered = True
+        except LinkError:
             # A link that is gone has nobody to tell here: the wait for rest fails, and says so.
-            with suppress(LinkError):
-                self._link.send_urgent(KILL_ALL if self.killed else ABORT_ALL)
+            self.delivered = False
         finally:
             self._sent.append(None)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from console.text.catalogue import load
-from tests.terminal import Terminal
+from tests.terminal import Terminal, _command_line
 
 A_NUMBER = r"([+-]?\d+(?:\.\d+)?)[^\n]*?"
 SPINDLE_STEPS = (30.0, 10.0, 1.0, 0.1, 0.01)
@@ -21,6 +22,19 @@ def console(data: Path, language: str, columns: int, rows: int, **environment: s
     """The program in a terminal of its own."""
     command = [sys.executable, "-m", "console", "--sim", "--data", str(data), "--lang", language]
     return Terminal(command, columns=columns, rows=rows, environment=environment or None)
+
+
+def console_at(terminal: Terminal, language: str = "en") -> Trainee:
+    """A trainee before the first page, with the machine connected and the first job open."""
+    trainee = Trainee(terminal, language)
+    trainee.opens_the_first_job()
+    return trainee
+
+
+def simulator_of(terminal: Terminal) -> int:
+    """The process number of the simulated lathe behind the console."""
+    (number,) = [pid for pid in terminal.children() if "drivers.simulator" in _command_line(pid)]
+    return number
 
 
 class Trainee:
@@ -47,15 +61,33 @@ class Trainee:
         self.press("enter")
         self.sees("setup.next.ready")
 
-    def aligns(self) -> None:
-        """Clamp, drives on, home, jaw 1 to the mark, tool to the part."""
+    def switches_on(self) -> None:
+        """Clamp, drives on: at rest, before the home search."""
         self.press("4")
         self.sees("align_page.next.clamp")
         self.press("enter")
         self.sees("align_page.next.drives")
-        self.press("f4")
-        self.sees("align_page.next.home")
-        self.press("f4")
+        self.does_step("align_page.next.home")
+
+    def starts_homing(self) -> None:
+        """The axes are on their way, one after the other, for some seconds."""
+        self.does_step("activity.homing")
+
+    def does_step(self, then: str) -> None:
+        """Press F4 until the console takes it: soon after another F4 it would be taken for a key that is held."""
+        for _ in range(5):
+            self.press("f4")
+            with suppress(AssertionError):
+                self.sees(then, 1.0)
+                return
+            if re.search(self._pattern("problem.screen.key_repeats"), self.terminal.text) is None:
+                break
+        self.sees(then)
+
+    def aligns(self) -> None:
+        """Clamp, drives on, home, jaw 1 to the mark, tool to the part."""
+        self.switches_on()
+        self.starts_homing()
         self.sees("align_page.next.jaw_enable", 30.0)
         self.press("j")
         self._jogs(self._jaw_to_go_deg, ("pageup", "pagedown"), SPINDLE_STEPS, CLOSE_DEG, "°")

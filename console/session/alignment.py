@@ -33,6 +33,7 @@ class Clamping:
 
     force_n: float
     diameter_mm: float
+    overhang_mm: float
     at: str
 
 
@@ -134,9 +135,11 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     if not same_force(clamping.force_n, job.chucking_force_n):
         value, limit = f"{clamping.force_n:g} N", f"{job.chucking_force_n:g} N"
         return (Problem(code="alignment.clamped_otherwise", key="chucking_force_n", value=value, limit=limit),)
-    if clamping.diameter_mm != job.diameter_mm:
-        value, limit = f"{clamping.diameter_mm:g} mm", f"{job.diameter_mm:g} mm"
-        return (Problem(code="alignment.clamped_otherwise", key="diameter_mm", value=value, limit=limit),)
+    for key in ("diameter_mm", "overhang_mm"):
+        clamped, wanted = getattr(clamping, key), getattr(job, key)
+        if clamped != wanted:
+            value, limit = f"{clamped:g} mm", f"{wanted:g} mm"
+            return (Problem(code="alignment.clamped_otherwise", key=key, value=value, limit=limit),)
     return force_problems(job)
 
 

@@ -37,14 +37,15 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     machine = place.machine
     refuse_unless(of_job(job, machine))
-    plan = plan_cut(job, machine, order.strategy)
+    plan = plan_cut(job, machine, order.strategy, from_turn=_nearest_turn(place, job, order))
     refuse_unless(of_program(plan))
     place.lathe.load(plan.program)
     _refuse_unless_ready(place, plan, starting=False)
     _open_record(place, order, plan)
     place.plan = plan
     until_s = place.clock.now_s() + START_WITHIN_S
-    place.tell(armed=Armed(job=job, strategy=order.strategy, plan=plan, until_s=until_s))
+    armed = Armed(job=job, strategy=order.strategy, plan=plan, alignment=place.state.alignment, until_s=until_s)
+    place.tell(armed=armed)
 
 
 def disarm(place: Workplace, _: Disarm) -> None:
@@ -63,8 +64,12 @@ def start(place: Workplace, _: Start) -> None:
     if armed is None or place.clock.now_s() > armed.until_s:
         place.tell(armed=None)
         raise SessionError(Problem(code="session.not_armed"))
+    refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, armed.job)))
+    if place.state.alignment != armed.alignment:
+        place.tell(armed=None)
+        raise SessionError(Problem(code="session.not_armed"))
     place.started = armed
-    place.tell(armed=None, cut_done=False, measured=None)
+    place.tell(armed=None, cut=None, cut_done=False, measured=None)
     plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine)
     place.holding = False
     place.seen = partial(_publish, place, watch, CutStage.POSITION)
@@ -98,6 +103,12 @@ def retract(place: Workplace, _: Retract) -> None:
     place.lathe.retract(target)
 
 
+def _nearest_turn(place: Workplace, job: Job, order: Arm) -> int:
+    """Return the whole turn nearest to where the spindle stands: each cut leaves it some hundreds further on."""
+    start = plan_cut(job, place.machine, order.strategy).spindle_start
+    return round((place.lathe.snapshot().spindle.position - start) / place.machine.spindle.counts_per_rev)
+
+
 def _go_to_start(place: Workplace, plan: CutPlan) -> None:
     """Tool out first, in again last: beside the part."""
     lathe = place.lathe
@@ -122,7 +133,6 @@ def _hold_if_asked(place: Workplace, _: Snapshot) -> None:
     if place.hold_asked and not place.holding:
         place.holding = True
         place.lathe.hold()
-        place.note("hold")
 
 
 def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) -> None:

@@ -67,6 +67,11 @@ class TakeTouchOff:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Forget:
+    """Forget the touch-off, or jaw 1 where there is none, to take it again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
     """Plan, load, read back and check a cut; start is allowed for some seconds after it."""
 
@@ -120,6 +125,7 @@ Intent = (
     | Jog
     | TakeJaw
     | TakeTouchOff
+    | Forget
     | Arm
     | Disarm
     | Start

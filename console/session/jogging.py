@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 
 from console.session.alignment import Alignment, aligned_machine
-from console.session.orders import counts_per_unit
-from drivers.snapshot import AxisName
+from console.session.axis_units import counts_per_unit
+from console.session.clearance import tool_gap_mm
+from drivers.snapshot import AxisName, Snapshot
 from drivers.travel import LINK_LATENCY_MS
 from profiles.machine import MachineProfile
 
@@ -27,6 +28,9 @@ BLIND_STEP_MM = 1.0
 FEELING_STEP_MM = 0.01
 """Longest step toward a surface that should be touching already."""
 
+STEP_TOLERANCE_MM = 0.0005
+"""By so much a step may be too long: what is shown with three decimals and what is allowed are the same."""
+
 
 def step_of(axis: AxisName, rung: int) -> float:
     """Return the length of a step on a rung of the ladder, mm or degrees."""
@@ -40,8 +44,20 @@ def tool_radius_mm(position_counts: float, machine: MachineProfile, alignment: A
 
 
 def longest_in_mm(gap_mm: float | None) -> float:
-    """Return the longest step toward the work that is allowed; `gap_mm` is None before the touch-off."""
+    """Return the longest step toward the work that is allowed; `gap_mm` is None where it is not known."""
     return BLIND_STEP_MM if gap_mm is None else max(gap_mm, FEELING_STEP_MM)
+
+
+def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> float:
+    """Return the longest step of the tool toward the work: to the clamped part, as far as it was touched off."""
+    if snapshot is None or alignment.touch_off is None:
+        return longest_in_mm(None)
+    return longest_in_mm(tool_gap_mm(snapshot, machine, alignment))
+
+
+def is_too_long(step_mm: float, longest_mm: float) -> bool:
+    """Return whether a step is longer than it may be."""
+    return step_mm > longest_mm + STEP_TOLERANCE_MM
 
 
 def peak_speed(machine: MachineProfile, axis: AxisName, step: float) -> float:

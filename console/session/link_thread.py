@@ -9,7 +9,9 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from console.session.alarms import Priority, raised
@@ -38,53 +40,82 @@ class Opened:
 
 
 class LinkThread:
-    """The real `Control`: everything public returns at once, from any thread and from a signal handler."""
+    """The real `Control`: everything public but `join` returns at once, from any thread and a signal handler.
 
-    def __init__(self, machine: str, simulated: bool, open_machine: Callable[[], Opened]) -> None:
+    `give_up` ends the process with an exit code when nothing else can; a test may put something else there.
+    """
+
+    def __init__(
+        self,
+        machine: str,
+        simulated: bool,
+        open_machine: Callable[[], Opened],
+        *,
+        leave_s: float = LEAVE_S,
+        give_up: Callable[[int], object] = os._exit,
+    ) -> None:
         self._open = open_machine
+        self._leave_s, self._give_up = leave_s, give_up
         self._opened: Opened | None = None
         self._unopened = StationState(machine=machine, simulated=simulated)
+        self._may_open = False
         self._stopped: str | None = None
         self._ending: str | None = None
         self._must_leave = False
-        self._wake = threading.Event()
-        self._left = threading.Event()
+        self._at_rest = True  # as far as it was ever moved
+        # No event: a signal handler may come in the middle of `Event.set`, and would wait for itself there.
+        self._wake: SimpleQueue[None] = SimpleQueue()
+        self._finished = threading.Event()
         # Not a daemon's work, but a daemon: a machine that cannot be reached must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="link", daemon=True)
 
     @property
     def state(self) -> StationState:
         """The newest state."""
-        return self._unopened if self._opened is None else self._opened.station.state
+        opened = self._opened
+        return self._unopened if opened is None else opened.station.state
+
+    @property
+    def rested(self) -> bool:
+        """Whether the machine was left, and at rest, as far as it was ever opened."""
+        return self._at_rest and self._finished.is_set()
 
     def now_s(self) -> float:
         """Return machine time."""
         return time.monotonic()
 
     def start(self) -> None:
-        """Begin to open the machine."""
+        """Start the thread. It opens nothing yet; from now on it ends the process when that must be."""
         self._thread.start()
+
+    def open(self) -> None:
+        """Begin to open the machine."""
+        self._may_open = True
+        self._wake.put(None)
 
     def post(self, intent: Intent) -> bool:
         """Order something."""
-        if self._opened is None:
+        opened = self._opened
+        if opened is None:
             return False
-        taken = self._opened.station.post(intent)
-        self._wake.set()
+        taken = opened.station.post(intent)
+        self._wake.put(None)
         return taken
 
     def stop(self, reason: str) -> None:
         """Stop the machine now; one that is still being opened is stopped before anything else is done with it."""
+        # First noted and then looked, where the thread does it the other way round: one of the two sends it.
         self._stopped = self._stopped or reason
         if self._opened is not None:
             self._opened.stop.stop(reason)
-        self._wake.set()
+        self._wake.put(None)
 
     def kill(self, reason: str) -> None:
-        """Open every loop now."""
+        """Open every loop now; those of a machine that is still being opened have not been closed."""
+        self._stopped = self._stopped or reason
         if self._opened is not None:
             self._opened.stop.kill(reason)
-        self._wake.set()
+        self._wake.put(None)
 
     def beat(self) -> None:
         """The screen is alive."""
@@ -95,51 +126,61 @@ class LinkThread:
         """Leave the machine at rest and end. With `must_leave` the process ends even if the screen cannot."""
         self._ending = self._ending or reason
         self._must_leave = self._must_leave or must_leave
-        if self._opened is not None and (self.state.moving or self.state.activity not in IDLE):
+        # A signal may come between an order and its beginning, where nothing is known of it yet.
+        if self._opened is not None and (must_leave or self.state.moving or self.state.activity not in IDLE):
             self._opened.stop.stop(reason)
-        self._wake.set()
+        self._wake.put(None)
 
     def join(self, timeout_s: float) -> bool:
-        """Wait until the machine was left; False when that takes longer. The screen has left by now."""
-        self._left.set()
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+        """Wait until the machine was left; False when that takes longer."""
+        return self._finished.wait(timeout_s)
 
     def _run(self) -> None:
         try:
-            opened = self._open()
+            self._wait_until(lambda: self._may_open or self._ending is not None)
+            if self._ending is None:
+                self._work(self._open())
         except Exception as error:
-            self._unopened = _not_opened(self._unopened, error)
-        else:
-            self._work(opened)
-        if self._ending is None:
-            self._wait_for_the_end()
-        if self._must_leave and not self._left.wait(LEAVE_S):
-            # The terminal takes nothing any more and the screen hangs in it; the machine rests.
-            os._exit(1)
+            self._unopened, self._opened = _failed(self.state, error), None
+            self._wait_until(lambda: self._ending is not None)
+        self._finished.set()
+        self._wait_until(lambda: self._must_leave)
+        # The process ends, and this thread with it, unless its terminal takes nothing any more and it hangs there.
+        time.sleep(self._leave_s)
+        self._give_up(1)
 
     def _work(self, opened: Opened) -> None:
-        if self._stopped is not None or self._ending is not None:
-            opened.stop.stop(self._stopped or self._ending or "")
-        self._opened = opened
+        self._opened, self._at_rest = opened, False
+        station = opened.station
         try:
-            if not opened.station.connect():
-                self._wait_for_the_end()
+            if self._stopped is not None or self._ending is not None:
+                opened.stop.stop(self._stopped or self._ending or "")
+            if self._ending is None and not station.connect():
+                self._wait_until(lambda: self._ending is not None)
             while self._ending is None:
-                opened.station.step()
-                self._wake.wait(LOOK_PERIOD_S)
-                self._wake.clear()
-            opened.station.close(self._ending)
+                station.step()
+                self._wait(LOOK_PERIOD_S)
+            station.close(self._ending)
+            self._at_rest = station.state.activity is not Activity.LOST
+        except BaseException:
+            opened.stop.kill("fault")
+            raise
         finally:
             opened.close()
 
-    def _wait_for_the_end(self) -> None:
-        while self._ending is None:
-            self._wake.wait()
-            self._wake.clear()
+    def _wait(self, timeout_s: float | None) -> None:
+        """Wait until something happens."""
+        with suppress(Empty):
+            self._wake.get(timeout=timeout_s)
+            while True:
+                self._wake.get_nowait()
+
+    def _wait_until(self, condition: Callable[[], bool]) -> None:
+        while not condition():
+            self._wait(None)
 
 
-def _not_opened(state: StationState, error: Exception) -> StationState:
+def _failed(state: StationState, error: Exception) -> StationState:
     problems: tuple[Problem, ...]
     if isinstance(error, ProblemError):
         problems = tuple(error.problems)

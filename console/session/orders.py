@@ -12,6 +12,8 @@ from typing import Any
 
 from console.session.alarms import cleared
 from console.session.alignment import Clamping, JawAngle, TouchOff, aligned_job, unclamped
+from console.session.axis_units import counts_per_unit
+from console.session.clearance import over_part, tool_in_part
 from console.session.cutting import arm, disarm, retract, start
 from console.session.errors import SessionError
 from console.session.intents import (
@@ -19,6 +21,7 @@ from console.session.intents import (
     Arm,
     ConfirmClamping,
     Disarm,
+    Forget,
     Home,
     Jog,
     Measure,
@@ -32,20 +35,27 @@ from console.session.intents import (
     Verify,
 )
 from console.session.interlocks import of_job, refuse_unless
+from console.session.jogging import is_too_long, longest_toward_mm
 from console.session.run import FILTER_UPR
 from console.session.sequence import tool_clear
 from console.session.state import Activity, MeasuredPart
 from console.session.workplace import Workplace
 from drivers.cut import Strategy
+from drivers.errors import ControllerError
 from drivers.pmac.programs.setup import cut_setup
 from drivers.snapshot import AxisName
-from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.rules import Severity, force_as_measured
 
 TOUCH_OFF_BAND_MM = 1.5
 """How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
+
+STILL_S, STILL_COUNTS = 0.2, 2.0
+"""Two looks so far apart may differ by so much: 0.06 rpm of the spindle."""
+
+STILL_PATIENCE_S = 3.0
+"""An axis that was switched off a moment ago may still settle; a spindle that runs out takes longer."""
 
 OVER_PART_MM = 2.0
 """How far behind the face of the part the tool stands for the touch-off."""
@@ -60,6 +70,8 @@ def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
     """Take the operator's word that the blank is clamped; in the simulator, clamp it."""
     if not place.lathe.snapshot().loops_open:
         raise SessionError(Problem(code="alignment.drives_on"))
+    _refuse_unless_still(place)
+    _refuse_tool_in_part(place)
     refuse_unless(of_job(order.job, place.machine))
     finding = force_as_measured(order.job)
     if finding.severity is not Severity.OK:
@@ -67,7 +79,12 @@ def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
     if place.shop is not None:
         place.shop.mount(order.job)
     job = order.job
-    stamp = Clamping(force_n=job.chucking_force_n, diameter_mm=job.diameter_mm, at=place.local_time())
+    stamp = Clamping(
+        force_n=job.chucking_force_n,
+        diameter_mm=job.diameter_mm,
+        overhang_mm=job.overhang_mm,
+        at=place.local_time(),
+    )
     alignment = replace(place.state.alignment, clamping=stamp, lost=())
     place.tell(alignment=alignment, cut=None, cut_done=False, measured=None)
 
@@ -79,7 +96,13 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
         raise SessionError(Problem(code="alignment.not_verified"))
     if settings:
         raise SessionError(*settings)
-    place.lathe.enable()
+    _refuse_unless_still(place)
+    try:
+        place.lathe.enable()
+    except ControllerError as refused:
+        # One axis may have closed before another was refused: all or none.
+        place.lathe.switch_off()
+        raise SessionError(*refused.problems) from refused
 
 
 def switch_off(place: Workplace, _: SwitchOff) -> None:
@@ -108,20 +131,15 @@ def approach(place: Workplace, order: Approach) -> None:
 
 
 def jog(place: Workplace, order: Jog) -> None:
-    """One step."""
+    """One step; toward the work no further than to the part that is clamped, as far as that is known."""
     _refuse_unless_homed(place)
+    if order.axis is AxisName.TOOL:
+        nominal, alignment = place.loaded_machine.machine, place.state.alignment
+        longest_mm = longest_toward_mm(place.lathe.snapshot(), nominal, alignment)
+        if is_too_long(order.distance, longest_mm):
+            value, limit = f"{order.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
+            raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
     place.lathe.jog_by(order.axis, order.distance * counts_per_unit(place.machine, order.axis))
-
-
-def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
-    """Return the counts of a millimetre, or of a degree of the spindle."""
-    match axis:
-        case AxisName.TOOL:
-            return machine.tool.counts_per_mm
-        case AxisName.CARRIAGE:
-            return machine.carriage.counts_per_mm
-        case AxisName.SPINDLE:
-            return machine.spindle.counts_per_rev / 360.0
 
 
 def take_jaw(place: Workplace, _: TakeJaw) -> None:
@@ -140,6 +158,9 @@ def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
     snapshot = place.lathe.snapshot()
     _refuse_unless_at_rest(snapshot.at_rest)
     tool = place.loaded_machine.machine.tool
+    clamping = place.state.alignment.clamping
+    if clamping is None or not over_part(snapshot, place.loaded_machine.machine, clamping.overhang_mm):
+        raise SessionError(Problem(code="alignment.beside_part", key="tool"))
     zero_mm = order.radius_mm + snapshot.tool.position / tool.counts_per_mm
     if abs(zero_mm - tool.home_radius_mm) > TOUCH_OFF_BAND_MM:
         value = f"R {zero_mm:.3f} mm"
@@ -147,6 +168,15 @@ def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
         raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
     stamp = TouchOff(zero_radius_mm=zero_mm, at=place.local_time())
     place.tell(alignment=replace(place.state.alignment, touch_off=stamp, lost=()))
+
+
+def forget(place: Workplace, _: Forget) -> None:
+    """One reading back: the touch-off, or jaw 1 where there is none."""
+    alignment = place.state.alignment
+    if alignment.touch_off is not None:
+        place.tell(alignment=replace(alignment, touch_off=None))
+    else:
+        place.tell(alignment=replace(alignment, jaw=None))
 
 
 def recover(place: Workplace, _: Recover) -> None:
@@ -170,6 +200,7 @@ def measure(place: Workplace, _: Measure) -> None:
         raise SessionError(Problem(code="machine.tool_in_part"))
     if not snapshot.loops_open:
         place.lathe.switch_off()
+    _refuse_unless_still(place)
     trace = place.shop.measure()
     result = evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
     part = MeasuredPart(
@@ -203,6 +234,26 @@ def _refuse_unless_homed(place: Workplace) -> None:
         raise SessionError(Problem(code="alignment.not_homed"))
 
 
+def _refuse_tool_in_part(place: Workplace) -> None:
+    """Refuse to touch the part that is in the chuck while the tool stands in it."""
+    alignment, nominal = place.state.alignment, place.loaded_machine.machine
+    if tool_in_part(place.lathe.snapshot(), nominal, alignment):
+        raise SessionError(Problem(code="machine.tool_in_part"))
+
+
+def _refuse_unless_still(place: Workplace) -> None:
+    """Refuse while anything turns: with open loops rest is what two looks show, not what is commanded."""
+    deadline_s = place.clock.now_s() + STILL_PATIENCE_S
+    before = place.lathe.snapshot()
+    while place.clock.now_s() < deadline_s:
+        place.clock.wait(STILL_S)
+        after = place.lathe.snapshot()
+        if after.near(before, STILL_COUNTS):
+            return
+        before = after
+    raise SessionError(Problem(code="machine.moving"))
+
+
 def _refuse_unless_at_rest(at_rest: bool) -> None:
     if not at_rest:
         raise SessionError(Problem(code="machine.moving"))
@@ -218,6 +269,7 @@ ORDERS: dict[type[Any], tuple[Activity, Callable[[Workplace, Any], None]]] = {
     Jog: (Activity.JOGGING, jog),
     TakeJaw: (Activity.READY, take_jaw),
     TakeTouchOff: (Activity.READY, take_touch_off),
+    Forget: (Activity.READY, forget),
     Arm: (Activity.ARMING, arm_order),
     Disarm: (Activity.READY, disarm),
     Start: (Activity.POSITIONING, start),

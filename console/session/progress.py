@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.telemetry import CutFigures, Telemetry
-from drivers.cut import CutPlan
+from drivers.cut import CutPlan, Strategy
 from drivers.snapshot import Snapshot
 from profiles.compensation import Sinusoid
 from profiles.job import Job
@@ -23,6 +23,9 @@ KEPT_LOOKS = 240
 SPEED_LOOKS = 40
 PHASE_LOOKS = 60
 LEAST_PHASE_LOOKS = 20
+
+LEAST_PEAK_UM = 1.0
+"""No tool error is so small that twice as much would already be the tool leaving the part."""
 
 PHASE_LIMIT_DEG = 1.0
 """Spindle degrees by which the tool may be out of phase (1 deg leaves 2.9 um of 55)."""
@@ -47,7 +50,8 @@ class CutProgress:
     at the spindle angle of that very instant, infeed positive) are the last looks in the part, oldest first,
     not to be written to. `phase_error_deg` is how much the tool is behind the wanted path, in spindle degrees,
     None while too little was seen or there is no lobe to be in phase with. `fraction` is that of the cut length.
-    `figures` are those of the whole cut, once it has ended.
+    `figures` are those of the whole cut, once it has ended. `judged` is False where the strategy follows no lobe:
+    the tool error is then the lobe itself, and there is no phase.
     """
 
     stage: CutStage
@@ -68,6 +72,12 @@ class CutProgress:
     angles_deg: NDArray[np.float64]
     errors_um: NDArray[np.float64]
     figures: CutFigures | None = None
+    judged: bool = True
+
+    @property
+    def in_phase(self) -> bool | None:
+        """Whether the phase error is within its limit, None while it is not known."""
+        return None if self.phase_error_deg is None else abs(self.phase_error_deg) <= PHASE_LIMIT_DEG
 
     @property
     def fraction(self) -> float:
@@ -91,17 +101,23 @@ class CutWatch:
         self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
         self._peak_um = 0.0
+        self._held = False
+        self._judged = plan.strategy is not Strategy.NONE
         self._turns: deque[tuple[float, float]] = deque(maxlen=SPEED_LOOKS)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool) -> CutProgress:
         """Take a look into account and return the moment that it shows."""
-        self._telemetry.see(snapshot)
         self._turns.append((snapshot.at_s, snapshot.spindle.position / self._machine.spindle.counts_per_rev))
         angle_deg = self._angle_deg(snapshot)
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
         wanted_um = float(self._plan.wanted.at_um(angle_deg))
         error_um = infeed_um - wanted_um
+        # A hold takes the tool out while the carriage still stands over the part: what it leaves is not judged.
+        self._held = self._held or (holding and abs(error_um) > 2.0 * max(self._peak_um, LEAST_PEAK_UM))
+        if not self._held:
+            self._telemetry.see(snapshot)
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
+        cutting = cutting and not self._held
         if cutting and snapshot.program_running:
             stage = CutStage.CUT
             self._looks.append((angle_deg % 360.0, error_um))
@@ -139,10 +155,14 @@ class CutWatch:
             tool_error_um=infeed_um - wanted_um,
             tool_error_peak_um=self._peak_um,
             following_error_um=snapshot.tool.following_error * machine.tool.count_um,
-            phase_error_deg=phase_error_deg(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted),
+            phase_error_deg=self._phase_error_deg(),
+            judged=self._judged,
             angles_deg=angles,
             errors_um=errors,
         )
+
+    def _phase_error_deg(self) -> float | None:
+        return phase_error_deg(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted) if self._judged else None
 
     def _angle_deg(self, snapshot: Snapshot) -> float:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev

@@ -63,12 +63,14 @@ IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
-    `tool_in_part` is None while it is not known; `can_retract` is whether every loop is closed.
+    `delivered` is False when the link did not take it. `tool_in_part` is None while it is not known;
+    `can_retract` is whether every loop is closed.
     """
 
     reason: str
     killed: bool
     sent_s: float
+    delivered: bool = True
     rest_s: float | None = None
     tool_in_part: bool | None = None
     can_retract: bool = False
@@ -76,11 +78,15 @@ class StopState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Armed:
-    """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found."""
+    """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
+
+    `alignment` is the one that it was armed on.
+    """
 
     job: Job
     strategy: Strategy
     plan: CutPlan
+    alignment: Alignment
     until_s: float
 
 
@@ -99,8 +105,8 @@ class MeasuredPart:
 class StationState:
     """One moment. `at_s` and `looked_s` (the last look that succeeded) are machine time.
 
-    `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last measured part of
-    the same job that was cut without compensation. `refusals` answer the last order, and go with the next.
+    `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
+    job, that was cut without compensation and measured. `refusals` answer the last order, and go with the next.
     """
 
     activity: Activity = Activity.CONNECTING

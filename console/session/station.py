@@ -7,18 +7,22 @@ it goes straight to the link, and the station finds it latched.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from console.session.alarms import Priority, acknowledged, cleared
 from console.session.alignment import observed
+from console.session.clearance import tool_in_part
 from console.session.errors import SessionError
-from console.session.intents import Acknowledge, Hold, Intent, Recover, Verify
+from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, Verify
 from console.session.orders import ORDERS
-from console.session.sequence import tool_clear
+from console.session.progress import PHASE_LIMIT_DEG, CutStage
 from console.session.state import IDLE, MOVING, Activity, StationState, StopState
 from console.session.workplace import Workplace
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
+from drivers.lathe import LINK_GONE
 from drivers.snapshot import Snapshot
 from drivers.stop import StoppedError
 from profiles.problem import Problem, ProblemError
@@ -38,6 +42,8 @@ class Station:
         self._order: Intent | None = None
         self._beat_s: float | None = None
         self._sight_s = float("-inf")
+        self._slot = threading.Lock()
+        self._gone = False
 
     @property
     def state(self) -> StationState:
@@ -59,6 +65,7 @@ class Station:
         )
         if place.seen is not None:
             place.seen(snapshot)
+            self._watch_phase()
         self._look_at_chuck()
         self._watch_screen()
 
@@ -84,13 +91,15 @@ class Station:
             return True
         if isinstance(intent, Hold):
             return self._hold()
-        if place.state.activity not in IDLE or self._order is not None:
-            return self._busy()
-        if place.state.stop is not None and not isinstance(intent, Recover):
-            place.tell(refusals=(Problem(code="session.stopped"),))
-            return False
-        self._order = intent
-        return True
+        with self._slot:
+            if place.state.activity is Activity.LOST:
+                return self._refuse(Problem(code="session.lost"))
+            if place.state.activity not in IDLE or self._order is not None:
+                return self._refuse(Problem(code="session.busy"))
+            if place.state.stop is not None and not isinstance(intent, Recover):
+                return self._refuse(Problem(code="session.stopped"))
+            self._order = intent
+            return True
 
     def beat(self) -> None:
         """The screen is alive."""
@@ -98,7 +107,18 @@ class Station:
 
     def step(self) -> None:
         """Settle a stop, or carry out an order, or take a look. Never raises."""
-        order, self._order = self._order, None
+        with self._slot:
+            order, self._order = self._order, None
+        try:
+            self._step(order)
+        except Exception as fault:
+            # The console's own fault; the thread goes on, because nobody else could stop the machine.
+            self._place.lathe.stop.stop("fault")
+            self._place.alarm(_fault_problem(fault))
+
+    def _step(self, order: Intent | None) -> None:
+        if self._gone:
+            return
         if self._place.lathe.stop.reason is not None and not isinstance(order, Recover):
             self._settle()
         elif order is not None:
@@ -120,19 +140,20 @@ class Station:
 
     def _hold(self) -> bool:
         if self._place.state.activity is not Activity.CUTTING:
-            self._place.tell(refusals=(Problem(code="session.nothing_to_hold"),))
-            return False
+            return self._refuse(Problem(code="session.nothing_to_hold"))
         self._place.hold_asked = True
         return True
 
-    def _busy(self) -> bool:
-        self._place.tell(refusals=(Problem(code="session.busy", value=self._place.state.activity.value),))
+    def _refuse(self, problem: Problem) -> bool:
+        self._place.tell(refusals=(problem,))
         return False
 
     def _carry_out(self, order: Intent) -> None:
         activity, work = ORDERS[type(order)]
         place = self._place
         place.hold_asked = False
+        if not isinstance(order, Start):
+            place.tell(armed=None)  # what was read in the summary may not be so any more
         place.tell(refusals=(), activity=activity if place.state.stop is None else place.state.activity)
         self._guarded(lambda: self._worked(work, order))
 
@@ -145,10 +166,14 @@ class Station:
     def _look(self) -> None:
         snapshot = self._place.lathe.snapshot()
         faults = snapshot.axis_faults
-        if faults:
+        problem = Problem(code="machine.fault", key="look", value=", ".join(faults))
+        if faults and not snapshot.loops_open:
             self._place.lathe.stop.stop(faults[0])
-            raise DriverError(Problem(code="machine.fault", key="look", value=", ".join(faults)))
-        self._place.tell(alarms=cleared(self._place.state.alarms, "link.lost", "link.silent"))
+            raise DriverError(problem)
+        if faults and not any(alarm.problem == problem for alarm in self._place.state.alarms):
+            self._place.alarm(problem)  # drives are off: it is told, and switching on is what clears it
+        if not faults:
+            self._place.tell(alarms=cleared(self._place.state.alarms, "machine.fault", "link.silent"))
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do something with the machine; whatever goes wrong, it is told, and the machine is stopped for it."""
@@ -163,8 +188,7 @@ class Station:
             self._failed(error)
         except Exception as fault:
             # A fault of the console itself is no reason for the machine to go on.
-            what = " ".join(f"{type(fault).__name__}: {fault}".split())
-            self._failed(SessionError(Problem(code="session.fault", value=what)))
+            self._failed(SessionError(_fault_problem(fault)))
         else:
             place.tell(activity=Activity.READY if place.lathe.stop.reason is None else Activity.STOPPING)
 
@@ -187,37 +211,50 @@ class Station:
     def _settle(self, *, lost: bool = False) -> None:
         """After a stop: wait until the controller proves rest, and say how the machine was left."""
         place, stop = self._place, self._place.lathe.stop
-        if place.state.stop is not None and place.state.stop.rest_s is not None and stop.proven:
+        before = place.state.stop
+        if before is not None and before.rest_s is not None and stop.proven:
             self._guarded_look()
             return
-        began_s = place.state.stop.sent_s if place.state.stop else place.clock.now_s()
-        told = StopState(reason=stop.reason or "", killed=stop.killed, sent_s=began_s)
+        under_way = before is not None and before.rest_s is None
+        told = StopState(
+            reason=stop.reason or "",
+            killed=stop.killed,
+            sent_s=before.sent_s if before is not None and under_way else place.clock.now_s(),
+            delivered=stop.delivered,
+        )
         place.tell(stop=told, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
         try:
             snapshot = place.lathe.wait_for_rest()
         except ProblemError as unproven:
-            self._note_end(told.reason, proven=False)
-            for problem in unproven.problems:
+            self._not_rested(told, unproven)
+        else:
+            self._rested(told, snapshot)
+
+    def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
+        """Nobody can tell how the machine is. A link that is gone stays so; one that is silent is asked again."""
+        place = self._place
+        self._gone = any(problem.code == LINK_GONE for problem in unproven.problems)
+        known = {alarm.problem.code for alarm in place.state.alarms}
+        for problem in unproven.problems:
+            if problem.code not in known:
                 place.alarm(problem)
-            place.tell(activity=Activity.LOST)
-            return
-        self._rested(told, snapshot)
+        if place.state.activity is not Activity.LOST or self._gone:
+            self._note_end(told.reason, proven=False)
+        told = replace(told, killed=place.lathe.stop.killed, delivered=place.lathe.stop.delivered)
+        place.tell(stop=told, activity=Activity.LOST)
 
     def _rested(self, told: StopState, snapshot: Snapshot) -> None:
         place = self._place
-        in_part = None
-        if place.plan is not None and snapshot.homed:
-            in_part = not tool_clear(snapshot, place.plan)
-        rest = StopState(
-            reason=told.reason,
+        rest = replace(
+            told,
             killed=place.lathe.stop.killed,
-            sent_s=told.sent_s,
+            delivered=True,
             rest_s=place.clock.now_s(),
-            tool_in_part=in_part,
+            tool_in_part=tool_in_part(snapshot, place.loaded_machine.machine, place.state.alignment),
             can_retract=snapshot.loops_closed,
         )
         self._note_end(told.reason, proven=True)
-        place.tell(stop=rest, activity=Activity.STOPPED)
+        place.tell(stop=rest, activity=Activity.STOPPED, refusals=())
 
     def _guarded_look(self) -> None:
         """A look at a stopped machine; it stays stopped."""
@@ -256,6 +293,15 @@ class Station:
             place.tell(seen=None)
             place.alarm(error.problems[0], Priority.MEDIUM)
 
+    def _watch_phase(self) -> None:
+        """Say once for each cut that tool and lobe are not in phase."""
+        cut, alarms = self._place.state.cut, self._place.state.alarms
+        if cut is None or cut.stage is not CutStage.CUT or cut.in_phase is not False:
+            return
+        problem = Problem(code="cut.out_of_phase", limit=f"± {PHASE_LIMIT_DEG:g} deg")
+        if not any(alarm.problem == problem for alarm in alarms):
+            self._place.alarm(problem, Priority.MEDIUM)
+
     def _watch_screen(self) -> None:
         place = self._place
         silent = self._beat_s is not None and place.clock.now_s() - self._beat_s > SCREEN_TIMEOUT_S
@@ -267,6 +313,10 @@ class Station:
         armed = self._place.state.armed
         if armed is not None and self._place.clock.now_s() > armed.until_s:
             self._place.tell(armed=None, refusals=(Problem(code="session.arm_expired"),))
+
+
+def _fault_problem(fault: Exception) -> Problem:
+    return Problem(code="session.fault", value=" ".join(f"{type(fault).__name__}: {fault}".split()))
 
 
 def _at_rest(state: StationState) -> bool:

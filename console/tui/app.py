@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime
 from importlib import import_module
 from pathlib import Path
@@ -14,11 +15,12 @@ from textual.containers import Container
 from textual.driver import Driver
 
 from console.session.control import Control
+from console.session.state import Activity
 from console.text.catalogue import Catalogue
 from console.tui.desk import Desk, View
 from console.tui.driver import StopSent
 from console.tui.frame import Frame, alarm_row, keys_row, next_row, pages_row, state_row, stop_row
-from console.tui.gate import FieldKind, Situation, Verdict, judge
+from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge
 from console.tui.help import LISTS, help_lines
 from console.tui.keymap import Action, PageName
 from console.tui.lines import Line, line, wrapped
@@ -26,12 +28,16 @@ from console.tui.page import Page
 from console.tui.previewing import Previewer
 from console.tui.sheet import Sheet
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette, Token
+from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 TICK_S = 0.1
 SMALLEST = (60, 18)
 """Columns and rows below which no page is shown and nothing can be started."""
+
+SMALLEST_TO_MOVE = (80, 24)
+"""Columns and rows below which pages are shown, but nothing that moves can be ordered."""
 
 PAGE_CLASSES = {
     PageName.JOBS: ("console.tui.pages.jobs", "JobsPage"),
@@ -65,6 +71,7 @@ class ConsoleApp(App[None]):
     #body { height: 1fr; width: 1fr; }
     .page { height: 1fr; width: 1fr; }
     #help, #small { height: 1fr; width: 1fr; padding: 0 1; display: none; }
+    .page.-away { display: none; }
     .helping #help { display: block; }
     .helping .page { display: none; }
     .small .row, .small #body { display: none; }
@@ -87,7 +94,8 @@ class ConsoleApp(App[None]):
         ticking: bool = True,
         driver_class: type[Driver] | None = None,
     ) -> None:
-        super().__init__(driver_class=driver_class)
+        # Without colour Textual has to know before it chooses its filters that the terminal's own are meant.
+        super().__init__(driver_class=driver_class, ansi_color=None if palette is COLOUR else True)
         for theme in (DARK_THEME, MONO_THEME):
             self.register_theme(theme)
         self.theme = (DARK_THEME if palette is COLOUR else MONO_THEME).name
@@ -102,6 +110,8 @@ class ConsoleApp(App[None]):
         self._ticking = ticking
         self._pages: dict[PageName, Page] = {}
         self._page = PageName.JOBS
+        self._given_up: Job | None = None
+        self._dismissed: tuple[Problem, ...] = ()
         self._help_list = 0
         self._previewer = Previewer()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
@@ -161,10 +171,10 @@ class ConsoleApp(App[None]):
         before = self._pages[self._page]
         if name is not self._page:
             before.leave()
-            before.display = False
+            before.add_class("-away")
             self._page = name
             page = self._made(name)
-            page.display = True
+            page.remove_class("-away")
             if not page.is_attached:
                 self.query_one("#body").mount(page)
         self._show_help(0)
@@ -194,14 +204,24 @@ class ConsoleApp(App[None]):
 
     def action_quit(self) -> None:  # type: ignore[override]
         """Leave, unless something moves."""
-        if self.desk.control.state.moving:
+        state, work = self.desk.control.state, self.desk.work
+        unsaved = work is not None and work.edited and work.job is not self._given_up
+        if state.moving and state.activity is not Activity.LOST:
             self.desk.said = (Problem(code="screen.quit_moving"),)
+        elif work is not None and unsaved:
+            self._given_up = work.job
+            self.desk.said = (Problem(code="screen.quit_unsaved", value=work.job.name),)
         else:
             self.exit()
 
     @property
     def _is_small(self) -> bool:
         return self.size.width < SMALLEST[0] or self.size.height < SMALLEST[1]
+
+    @property
+    def _is_cramped(self) -> bool:
+        """Whether the terminal shows too little of a page to move anything by it."""
+        return self.size.width < SMALLEST_TO_MOVE[0] or self.size.height < SMALLEST_TO_MOVE[1]
 
     def _wants_preview(self, verified: bool) -> bool:
         """Numerics are loaded once the link thread has done so, or when they are asked for."""
@@ -214,9 +234,12 @@ class ConsoleApp(App[None]):
         return self._pages[name]
 
     def _show_rows(self, page: Page, view: View) -> None:
+        state = view.state
+        if state.refusals is self._dismissed:  # answers to an earlier key
+            state = replace(state, refusals=())
         frame = Frame(
             text=self.desk.text,
-            state=view.state,
+            state=state,
             machine=self.desk.machine.machine,
             page=self._page,
             field=page.field,
@@ -255,13 +278,19 @@ class ConsoleApp(App[None]):
                 self.kill_now(event.key)
             case Verdict.ACTION if action is not None:
                 self.desk.said = ()
+                self._dismissed = self.desk.control.state.refusals
                 self._do(action, page)
+            case Verdict.NOTHING if is_stray(event.key, event.character, now):
+                self.desk.said = (Problem(code="screen.not_of_a_number", value=event.character or ""),)
         self.call_after_refresh(self.tick)
         return True
 
     def _do(self, action: Action, page: Page) -> None:
         kind, _, rest = action.id.partition(".")
-        if kind == "page":
+        if action.moves and self._is_cramped:
+            columns, rows = SMALLEST_TO_MOVE
+            self.desk.said = (Problem(code="screen.cramped", limit=f"{columns} x {rows}"),)
+        elif kind == "page":
             self.go(PageName(rest))
         elif action.id == "help":
             self._show_help((self._help_list + 1) % (LISTS + 1))

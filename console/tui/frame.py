@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 
+from rich.cells import cell_len
+
 from console.session.alarms import Priority, foremost
 from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
@@ -45,8 +47,9 @@ def state_row(frame: Frame, width: int) -> Line:
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
     activity = text(f"activity.{state.activity}")
-    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.phase_error_deg is not None:
-        activity = f"{activity} · {text('frame.in_sync')}"
+    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.in_phase is not None:
+        phase = text("frame.in_sync") if state.cut.in_phase else text("frame.out_of_phase")
+        activity = f"{activity} · {phase}"
     left = (*head, (f"{state.machine} · ", Token.DIM), (activity, token))
     return ranged(left, (*_age(frame), dim(f"   {frame.clock:%H:%M} ")), width)
 
@@ -54,6 +57,9 @@ def state_row(frame: Frame, width: int) -> Line:
 def _age(frame: Frame) -> Line:
     """How long the last look took, or how long ago it was."""
     state = frame.state
+    if state.activity is Activity.LOST and state.snapshot is not None:
+        age_s = frame.now_s - state.looked_s
+        return ((frame.text("frame.stale", age=f"{age_s:.0f}"), Token.WARNING),)
     if state.snapshot is None:
         return (dim(frame.text("frame.no_link")),)
     age_s = frame.now_s - state.looked_s
@@ -79,6 +85,12 @@ def alarm_row(frame: Frame, width: int) -> Line:
     return line(dim(f" · {text('frame.no_alarms')}"))
 
 
+def alarm_wants_attention(state: StationState) -> bool:
+    """Whether an alarm is there that nobody has seen."""
+    alarm = foremost(state.alarms)
+    return alarm is not None and not alarm.acknowledged
+
+
 def pages_row(frame: Frame, width: int) -> Line:
     """The numbered pages."""
     pieces: list[tuple[str, Token]] = []
@@ -90,9 +102,12 @@ def pages_row(frame: Frame, width: int) -> Line:
 
 
 def next_row(frame: Frame, width: int) -> Line:
-    """The one obvious next thing to do."""
+    """The one obvious next thing to do; the answer to the last key where an alarm has its usual place."""
     text, state = frame.text, frame.state
     step: Line = frame.next_step
+    answer = frame.said or state.refusals
+    if answer and alarm_wants_attention(state):
+        return line((fitted(f" – {text.problem(answer[0])}", width), Token.WARNING))
     if state.activity is Activity.LOST:
         step = line((text("frame.lost"), Token.ACTION))
     elif state.activity is Activity.CONNECTING:
@@ -108,11 +123,18 @@ def stop_row(frame: Frame, width: int) -> Line:
     text, state = frame.text, frame.state
     key = text("frame.stop_in_text") if frame.field is FieldKind.TEXT else text("frame.stop")
     left = line((f" {key} ", Token.STOP))
-    return ranged(left, (_stop_tells(text, state, frame.machine),), width)
+    said, token = _stop_tells(text, state, frame.machine)
+    # The stop key is never cut: what is said of it gives way.
+    room = width - width_of(left) - 1
+    return ranged(left, ((fitted(said, room) if cell_len(said) > room else said, token),), width)
 
 
 def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
     stop = state.stop
+    if stop is not None and not stop.delivered:
+        return f"{text('frame.not_delivered')} ", Token.ALARM
+    if state.activity is Activity.LOST:
+        return f"{text('frame.not_known')} ", Token.WARNING
     if stop is not None and stop.rest_s is None:
         return f"{text('frame.stop_sent')} ", Token.WARNING
     if stop is not None and stop.rest_s is not None:

@@ -70,6 +70,12 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
     return Verdict.NOTHING, None
 
 
+def is_stray(key: str, character: str | None, now: Situation) -> bool:
+    """Whether somebody typed what no number is written with: it must not vanish without a word."""
+    printable = character is not None and character.isprintable()
+    return now.field is FieldKind.NUMBER and printable and judge(key, character, now)[0] is Verdict.NOTHING
+
+
 def _writes(key: str, character: str | None, field: FieldKind) -> bool:
     if field is FieldKind.NONE:
         return False

@@ -42,6 +42,9 @@ STOP_KEYS = ("space", "escape", "f12")
 
 KILL_KEYS = ("f9",)
 
+REPEAT_S = 0.8
+"""Presses of one key that come sooner than this are the terminal's repeats of a key that is held."""
+
 _EVERYWHERE = (
     *(
         Action(id=f"page.{page}", keys=(str(number),), shown=str(number))
@@ -87,6 +90,7 @@ _ALIGN = (
     Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", page=PageName.ALIGN, moves=True),
     Action(id="align.larger", keys=("+", "="), shown="+", row="+-", page=PageName.ALIGN),
     Action(id="align.smaller", keys=("-",), shown="-", row="", page=PageName.ALIGN),
+    Action(id="align.back", keys=("b", "ㅠ"), shown="b", row="", page=PageName.ALIGN),
     Action(id="align.off", keys=("f3",), shown="F3", page=PageName.ALIGN),
 )
 

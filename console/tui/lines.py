@@ -94,12 +94,15 @@ def plain(lines: Sequence[Line]) -> str:
 
 def changed(before: Line, after: Line) -> tuple[int, int]:
     """Return the cells, first and behind the last, in which two lines differ; (0, 0) where they do not."""
-    old, new = _cells(before), _cells(after)
+    # Most often a label stays and its value changes: cells are compared from the first piece that differs.
+    same = next((place for place, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1]), 0)
+    start = width_of(before[:same])
+    old, new = _cells(before[same:]), _cells(after[same:])
     length = max(len(old), len(new))
     old += [_EMPTY] * (length - len(old))
     new += [_EMPTY] * (length - len(new))
     places = [place for place in range(length) if old[place] != new[place]]
-    return (places[0], places[-1] + 1) if places else (0, 0)
+    return (start + places[0], start + places[-1] + 1) if places else (0, 0)
 
 
 _EMPTY: Piece = (" ", Token.TEXT)

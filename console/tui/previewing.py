@@ -24,12 +24,20 @@ class Previewer:
     def __init__(self) -> None:
         self._answer: tuple[Question, Preview | None, tuple[Problem, ...]] | None = None
         self._thread: threading.Thread | None = None
+        self._settled: tuple[Work, Alignment] | None = None
 
     def refreshed(self, work: Work, alignment: Alignment) -> Work:
         """Return the work with the preview of exactly this job, where it is there; begin to compute it else.
 
         Jaw 1 is where the alignment found it, the tool tip where the touch-off did.
         """
+        if self._settled is not None and self._settled[0] is work and self._settled[1] is alignment:
+            return work
+        answered = self._answered(work, alignment)
+        self._settled = (answered, alignment) if answered.preview or answered.preview_problems else None
+        return answered
+
+    def _answered(self, work: Work, alignment: Alignment) -> Work:
         question = (aligned_job(work.job, alignment), aligned_machine(work.machine.machine, alignment))
         if self._answer is not None and self._answer[0] == question:
             _, preview, problems = self._answer

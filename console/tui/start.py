@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from argparse import Namespace
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
@@ -20,6 +21,9 @@ from console.tui.theme import COLOUR, MONO
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
+QUIET_S = 2.0
+"""How long the screen may be gone before it is said that the machine is waited for."""
+
 COAST_LIMIT_S = 75.0
 """How long a machine may take to be proven at rest after the screen is gone."""
 
@@ -32,7 +36,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     if not options.sim:
         raise SessionError(Problem(code="session.no_machine"))
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    # The pages are written to stderr.
+    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise SessionError(Problem(code="screen.no_terminal"))
     machine, data = machine_of(options), data_of(options)
     link = LinkThread(machine.machine.name, True, lambda: _open(machine, data))
@@ -42,18 +47,19 @@ def main(options: Namespace, text: Catalogue) -> int:
         control=link,
         machine=machine,
         data=data,
-        begin=link.start,
+        begin=link.open,
         driver_class=StopDriver,
     )
     ending = _Ending(link, app)
     ending.install()
+    link.start()
     try:
         app.run(mouse=False)
     finally:
-        rested = _left(link, ending, text)
+        _leave(link, ending, text)
     if app.fault is not None:
         raise app.fault
-    return _exit_code(app, ending, rested, text)
+    return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
 
 
 def _open(machine: LoadedMachine, data: Path) -> Opened:
@@ -77,24 +83,20 @@ class _Ending:
     def _handle(self, number: int, _: FrameType | None) -> None:
         self.reason = self.reason or signal.Signals(number).name
         self._link.end(self.reason, must_leave=True)
-        self._app.leave_soon()
+        with suppress(RuntimeError):  # the screen has been left already, and its loop is closed
+            self._app.leave_soon()
 
 
-def _left(link: LinkThread, ending: _Ending, text: Catalogue) -> bool:
-    """Leave the machine at rest; say that this takes a moment where it does."""
+def _leave(link: LinkThread, ending: _Ending, text: Catalogue) -> None:
+    """Leave the machine at rest; say that this takes a moment where it does, and how it ended."""
     link.end(ending.reason or "quit")
-    if link.join(1.0):
-        return True
-    _say(text("leave.waiting"))
-    return link.join(COAST_LIMIT_S)
-
-
-def _exit_code(app: ConsoleApp, ending: _Ending, rested: bool, text: Catalogue) -> int:
+    if not link.join(QUIET_S):
+        _say(text("leave.waiting"))
+        link.join(COAST_LIMIT_S)
     if ending.reason is not None:
-        _say(text("leave.ended", reason=ending.reason))
-    if not rested:
+        _say(text("leave.ended_at_rest" if link.rested else "leave.ended", reason=ending.reason))
+    if not link.rested:
         _say(text.problem(Problem(code="machine.state_unknown")))
-    return 0 if rested and ending.reason is None and app.return_code in (0, None) else 1
 
 
 def _say(line: str) -> None:

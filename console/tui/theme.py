@@ -140,4 +140,5 @@ MONO_THEME = Theme(
     panel="ansi_default",
     dark=True,
     ansi=True,
+    variables={"ansi-background": "ansi_default", "ansi-foreground": "ansi_default"},
 )

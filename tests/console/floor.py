@@ -76,10 +76,10 @@ class Floor:
             self.do(Jog(axis=AxisName.SPINDLE, distance=-seen.jaw_1_past_mark_deg))
         self.do(TakeJaw())
         self.do(Approach(job=job))
-        for _ in range(2):
+        for _ in range(4):
             seen = self.idle().seen
             assert seen is not None and seen.tool_gap_mm is not None
-            self.do(Jog(axis=AxisName.TOOL, distance=seen.tool_gap_mm))
+            self.do(Jog(axis=AxisName.TOOL, distance=min(seen.tool_gap_mm, 1.0)))
         self.do(TakeTouchOff(radius_mm=job.radius_mm))
 
     def arm(self, job: Job, strategy: Strategy = Strategy.PVT) -> StationState:

@@ -27,7 +27,7 @@ COMPLETE = Alignment(
     settings=(),
     drives_on=True,
     homed=True,
-    clamping=Clamping(force_n=1314.0, diameter_mm=52.0, at="08:40"),
+    clamping=Clamping(force_n=1314.0, diameter_mm=52.0, overhang_mm=30.0, at="08:40"),
     jaw=JawAngle(angle_deg=41.36, at="08:45"),
     touch_off=TouchOff(zero_radius_mm=75.837, at="08:47"),
 )
@@ -68,7 +68,7 @@ def test_another_force_than_the_one_that_was_clamped_is_named() -> None:
 
 def test_a_force_that_the_error_was_not_found_at_is_named() -> None:
     job = replace(JOB, chucking_force_n=1400.0)
-    clamped = replace(COMPLETE, clamping=Clamping(force_n=1400.0, diameter_mm=52.0, at="08:40"))
+    clamped = replace(COMPLETE, clamping=Clamping(force_n=1400.0, diameter_mm=52.0, overhang_mm=30.0, at="08:40"))
     assert codes(clamped, job) == ["rule.force_differs"]
 
 

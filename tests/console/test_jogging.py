@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from console.session.alignment import Alignment, TouchOff
+from console.session.alignment import Alignment, Clamping, TouchOff
 from console.session.jogging import (
     STEPS_DEG,
     STEPS_MM,
+    is_too_long,
     longest_in_mm,
+    longest_toward_mm,
     overrun,
     peak_speed,
     step_of,
@@ -18,7 +20,7 @@ from console.session.jogging import (
 )
 from drivers.pmac.trajectory.jog import JogSettings, jog_to
 from drivers.pmac.trajectory.pieces import Piece, position_at, velocity_at
-from drivers.snapshot import AxisName
+from drivers.snapshot import AxisName, AxisState, Snapshot
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 
@@ -122,6 +124,23 @@ def test_steps_toward_the_work_keep_to_the_gap_that_is_known() -> None:
     assert longest_in_mm(None) == 1.0
     assert longest_in_mm(2.5) == 2.5
     assert longest_in_mm(-0.1) == 0.01
+
+
+def test_the_gap_is_known_by_the_touch_off_on_the_clamped_part(machine: MachineProfile) -> None:
+    axis = AxisState(position=250_000.0, following_error=0.0, flags=frozenset({"home_complete"}))
+    look = Snapshot(at_s=0.0, tool=axis, spindle=axis, carriage=axis, program_running=False, runtime_error=False)
+    clamped = Alignment(clamping=Clamping(force_n=1314.0, diameter_mm=51.0, overhang_mm=30.0, at="08:40"))
+    assert longest_toward_mm(look, machine, clamped) == 1.0
+    touched = replace(clamped, touch_off=TouchOff(zero_radius_mm=77.5, at="08:45"))
+    # R 27.5 mm before a part of R 25.5 mm.
+    assert longest_toward_mm(look, machine, touched) == pytest.approx(2.0)
+    assert longest_toward_mm(look, machine, replace(touched, clamping=None)) == 1.0
+    assert longest_toward_mm(None, machine, touched) == 1.0
+
+
+def test_half_a_micrometre_does_not_make_a_step_too_long() -> None:
+    assert not is_too_long(1.0, 0.9996)
+    assert is_too_long(1.0, 0.9990)
 
 
 def test_the_tool_radius_is_that_of_the_touch_off(machine: MachineProfile) -> None:

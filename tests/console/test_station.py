@@ -10,6 +10,7 @@ import pytest
 
 from console.session.intents import (
     ConfirmClamping,
+    Forget,
     Hold,
     Home,
     Jog,
@@ -24,7 +25,10 @@ from console.session.intents import (
 from console.session.progress import CutStage
 from console.session.state import Activity, StationState
 from drivers.cut import Strategy
+from drivers.errors import LinkError
+from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.snapshot import AxisName, Snapshot
+from profiles.problem import Problem
 from tests.console.floor import Floor, experiment_1, open_floor
 
 
@@ -244,3 +248,129 @@ def test_what_is_seen_at_the_chuck_is_not_needed_for_the_machine(aligned: Floor)
 
     aligned.looks.append(blind)
     assert aligned.idle().activity is Activity.READY
+
+
+def test_a_second_part_begins_from_the_nearest_turn(aligned: Floor) -> None:
+    """The first cut leaves the spindle some hundred turns on; nobody wants it turned back."""
+    job = experiment_1()
+    aligned.arm(job)
+    aligned.do(Start())
+    aligned.do(Measure())
+    aligned.do(ConfirmClamping(job=job))
+    aligned.do(SwitchOn())
+    aligned.arm(job)
+    turns = [aligned.lathe.snapshot().spindle.position / 10_000.0]
+    aligned.looks.append(lambda s: turns.append(s.spindle.position / 10_000.0))
+    state = aligned.do(Start())
+    assert state.cut_done and turns[0] > 100.0
+    assert min(turns) > turns[0] - 1.0
+    measured = aligned.do(Measure()).measured
+    assert measured is not None and measured.result.ront_um < 0.3
+
+
+def test_any_other_order_takes_the_arming_back(aligned: Floor) -> None:
+    assert aligned.arm(experiment_1()).armed is not None
+    assert aligned.do(Jog(axis=AxisName.TOOL, distance=-1.0)).armed is None
+    assert codes(aligned.do(Start())) == ["session.not_armed"]
+
+
+def test_with_another_job_on_the_screen_the_tool_is_still_in_the_part(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    aligned.do(Start())
+    aligned.do(Recover())
+    aligned.do(SwitchOff())
+    other = replace(experiment_1(), diameter_mm=35.0)
+    assert codes(aligned.do(ConfirmClamping(job=other))) == ["machine.tool_in_part"]
+
+
+def test_a_step_toward_the_work_ends_at_the_part_that_is_clamped(aligned: Floor) -> None:
+    aligned.do(Jog(axis=AxisName.TOOL, distance=-2.0))
+    aligned.idle(1.0)
+    assert codes(aligned.do(Jog(axis=AxisName.TOOL, distance=2.5))) == ["machine.step_too_long"]
+    assert codes(aligned.do(Jog(axis=AxisName.TOOL, distance=1.9))) == []
+
+
+def test_a_touch_off_beside_the_part_is_refused(aligned: Floor) -> None:
+    aligned.do(Jog(axis=AxisName.CARRIAGE, distance=-10.0))
+    state = aligned.do(TakeTouchOff(radius_mm=experiment_1().radius_mm))
+    assert codes(state) == ["alignment.beside_part"]
+
+
+def test_readings_are_forgotten_one_by_one(aligned: Floor) -> None:
+    alignment = aligned.do(Forget()).alignment
+    assert alignment.touch_off is None and alignment.jaw is not None
+    assert aligned.do(Forget()).alignment.jaw is None
+
+
+def test_drives_are_switched_on_all_or_none(floor: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: int) -> None:
+        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "for the test")
+
+    monkeypatch.setattr(floor.sim.controller.motors[2], "jog_speed", refuse)
+    state = floor.do(SwitchOn())
+    assert codes(state) == ["controller.err001"]
+    assert floor.lathe.snapshot().loops_open
+
+
+def test_hands_wait_for_a_spindle_that_runs_out(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.kill("f9"))
+    state = aligned.do(Start())
+    assert state.stop is not None and state.stop.killed
+    assert state.stop.rest_s is not None and state.stop.rest_s - state.stop.sent_s > 5.0
+
+
+def test_what_a_hold_leaves_is_not_counted_as_tool_error(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), lambda: hold(aligned))
+    cut = aligned.do(Start()).cut
+    assert cut is not None and cut.figures is not None
+    assert cut.figures.tool_error_um < 3.0 and cut.tool_error_peak_um < 3.0
+
+
+def test_without_compensation_nothing_is_judged(aligned: Floor) -> None:
+    aligned.arm(experiment_1(), Strategy.NONE)
+    cut = aligned.do(Start()).cut
+    assert cut is not None and not cut.judged and cut.phase_error_deg is None
+    assert aligned.state.alarms == ()
+
+
+def test_a_link_that_is_gone_is_told_once_and_nothing_is_ordered_any_more(
+    aligned: Floor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(*_: object) -> bytes:
+        raise LinkError(Problem(code="link.lost", value="unplugged"))
+
+    aligned.arm(experiment_1())
+    for name in ("send", "receive", "send_urgent"):
+        monkeypatch.setattr(aligned.link, name, gone)
+    state = aligned.do(Start())
+    assert state.activity is Activity.LOST and state.stop is not None and not state.stop.delivered
+    for _ in range(20):
+        state = aligned.idle(0.1)
+    assert state.activity is Activity.LOST and [alarm.count for alarm in state.alarms] == [1]
+    assert not aligned.station.post(Recover())
+
+
+def test_a_fault_of_the_console_stops_the_machine_and_leaves_the_thread_alive(aligned: Floor) -> None:
+    def broken(_: Snapshot) -> None:
+        raise ZeroDivisionError("for the test")
+
+    aligned.looks.append(broken)
+    aligned.station.step()
+    assert aligned.state.activity is not Activity.READY
+    assert "session.fault" in [alarm.problem.code for alarm in aligned.state.alarms]
+    aligned.looks.clear()
+    assert aligned.idle().activity is Activity.STOPPED
+
+
+def test_a_tool_out_of_phase_is_an_alarm(aligned: Floor) -> None:
+    """The path that is judged by is turned by 5 deg behind the back of the program."""
+    state = aligned.arm(experiment_1())
+    armed = state.armed
+    assert armed is not None
+    wanted = replace(armed.plan.wanted, crest_deg=armed.plan.wanted.crest_deg + 5.0)
+    aligned.place.tell(armed=replace(armed, plan=replace(armed.plan, wanted=wanted)))
+    state = aligned.do(Start())
+    assert "cut.out_of_phase" in [alarm.problem.code for alarm in state.alarms]

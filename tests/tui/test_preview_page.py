@@ -15,14 +15,14 @@ from rich.cells import cell_len
 from textual.pilot import Pilot
 
 from console.session.alignment import Alignment, JawAngle
-from console.session.preview import Prediction, Preview, followed, predict, preview
+from console.session.preview import Prediction, Preview, Share, followed, predict, preview
 from console.session.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.lines import plain
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
-from console.tui.pages.preview_lines import margin_lines, margins, strategy_lines
+from console.tui.pages.preview_lines import Margin, margin_lines, margins, strategy_lines
 from console.tui.theme import Token
 from drivers.cut import Strategy, plan_cut
 from profiles.problem import Problem
@@ -211,6 +211,15 @@ def test_margins_are_percent_and_both_values() -> None:
         [*"current □□□□□□□□□□□□□□□□□□□□□□□ 0.27 / 36.80 A 1 %".split()],
         [*"servo loop ■■■■■■■■■■■■■■■■■■■■■□□ 50.0 / 55.2 Hz 91 %".split()],
     ]
+
+
+def test_a_bar_is_full_only_at_all_of_the_limit() -> None:
+    def bar(need: float) -> str:
+        share = Share(need=need, limit=100.0)
+        return plain(margin_lines([Margin(name="loop", share=share, decimals=1, unit="Hz")], load("en"), 45, 1))
+
+    assert "□" in bar(99.0)
+    assert "□" not in bar(100.0)
 
 
 def test_a_lobe_above_the_bandwidth_is_marked_not_only_coloured() -> None:

@@ -2,175 +2,43 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff
-from console.session.intents import Arm, Disarm, Hold, Intent, Retract, Start
-from console.session.progress import PHASE_LIMIT_DEG, CutProgress, CutStage
-from console.session.state import Activity, Armed, StationState, StopState
-from console.session.telemetry import CutFigures
-from console.session.work import Work, edited, with_strategy
-from console.tui.desk import View
-from console.tui.pages.cut_lines import gauge, mean_error_um
+from console.session.alignment import JawAngle
+from console.session.intents import Arm, Disarm, Hold, Start
+from console.session.progress import PHASE_LIMIT_DEG, CutStage
+from console.session.state import Activity, Armed, StationState
+from console.session.work import edited, with_strategy
+from console.tui.pages.cut_lines import bar, gauge, mean_error_um
 from console.tui.pages.run import RunPage
 from drivers.cut import Strategy, plan_cut
-from drivers.snapshot import AxisState, Snapshot
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment, grid
-
-ON = frozenset({"desired_velocity_zero", "in_position", "amplifier_enabled", "home_complete"})
-OFF = frozenset({"desired_velocity_zero", "in_position", "open_loop", "home_complete"})
-VALID = Alignment(
-    settings=(),
-    drives_on=True,
-    homed=True,
-    clamping=Clamping(force_n=1314.0, diameter_mm=52.0, at="08:40"),
-    jaw=JawAngle(angle_deg=12.6, at="08:45"),
-    touch_off=TouchOff(zero_radius_mm=76.0, at="08:46"),
+from tests.tui.run_stage import (
+    FIGURES,
+    OFF,
+    ON,
+    STATES,
+    SURFACE_COUNTS,
+    VALID,
+    cut,
+    cutting,
+    look,
+    shown,
+    state,
+    stopped,
 )
-SURFACE_COUNTS = 250_000.0
-"""50 mm in from a zero at 76 mm: the radius of the part, 26 mm."""
-
-FIGURES = CutFigures(
-    spindle_speed_rpm=1000.04,
-    tool_error_um=1.41,
-    tool_error_rms_um=0.44,
-    following_error_um=14.12,
-    following_error_rms_um=9.02,
-    samples=340,
-)
-
-
-def look(flags: frozenset[str] = ON, *, tool: float = 240_000.0, running: bool = False) -> Snapshot:
-    def axis(position: float) -> AxisState:
-        return AxisState(position=position, following_error=0.0, flags=flags)
-
-    return Snapshot(
-        at_s=100.0,
-        tool=axis(tool),
-        spindle=axis(350.0),
-        carriage=axis(41_200.0),
-        program_running=running,
-        runtime_error=False,
-    )
-
-
-def state(alignment: Alignment = VALID, **changes: Any) -> StationState:
-    known: dict[str, Any] = {"activity": Activity.READY, "looked_s": 100.0, "snapshot": look()}
-    return StationState(alignment=alignment, **{**known, **changes})
-
-
-def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
-    angles_deg = np.arange(0.0, 200.0 * 137.0, 137.0) % 360.0
-    known: dict[str, Any] = {
-        "stage": stage,
-        "holding": False,
-        "turn": 83.0,
-        "turns": 160.0,
-        "z_mm": 4.2,
-        "length_mm": 8.0,
-        "left_s": 4.6,
-        "speed_rpm": 1000.3,
-        "tool_radius_mm": 25.9271,
-        "infeed_um": 72.9,
-        "wanted_um": 73.5,
-        "tool_error_um": -0.6,
-        "tool_error_peak_um": 1.4,
-        "following_error_um": 12.3,
-        "phase_error_deg": 0.08,
-        "angles_deg": angles_deg,
-        "errors_um": 0.5 * np.sin(np.radians(3.0 * angles_deg)),
-    }
-    return CutProgress(**{**known, **changes})
-
-
-def cutting(**changes: Any) -> StationState:
-    return state(activity=Activity.CUTTING, snapshot=look(running=True), cut=cut(**changes))
-
-
-def stopped(**changes: Any) -> StationState:
-    known: dict[str, Any] = {"reason": "space", "killed": False, "sent_s": 98.0, "rest_s": 99.3}
-    return state(activity=Activity.STOPPED, cut=cut(), stop=StopState(**{**known, **changes}))
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, desk_for, experiment
 
 
 @pytest.fixture(scope="module")
 def armed() -> Armed:
     work = experiment()
     plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
-    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, until_s=108.4)
-
-
-@dataclass(frozen=True)
-class Shown:
-    """What came of some keys."""
-
-    text: str
-    next_step: str
-    orders: Sequence[Intent]
-    said: Sequence[str]
-
-    @property
-    def words(self) -> str:
-        """The text of the left panels, then that of the right ones, without line breaks and frames."""
-        rows = [row.strip("│").partition("││") for row in self.text.splitlines()]
-        return " ".join(" ".join([row[0] for row in rows] + [row[2] for row in rows]).split())
-
-
-def shown(
-    now: StationState,
-    *actions: str,
-    size: tuple[int, int] = (80, 24),
-    language: str = "en",
-    work: Work | None = None,
-    no_job: bool = False,
-) -> Shown:
-    control = FixedControl(now)
-    job = None if no_job else work or experiment()
-    desk = desk_for(control, Path("/nowhere"), language, job)
-    page = RunPage(desk)
-    view = View(state=now, work=job, now_s=100.0)
-
-    async def run() -> str:
-        app = PageStage(page, view)
-        async with app.run_test(size=(size[0], size[1] - FRAME_ROWS)) as pilot:
-            await pilot.pause()
-            for action in actions:
-                page.act(action)
-            for _ in range(2):
-                page.show(view)
-                await pilot.pause()
-            return grid(app)
-
-    text = asyncio.run(run())
-    return Shown(
-        text=text,
-        next_step="".join(words for words, _ in page.next_step(view)),
-        orders=control.orders,
-        said=[problem.code for problem in desk.said],
-    )
-
-
-STATES = {
-    "nothing known": StationState(),
-    "ready": state(),
-    "not aligned": state(Alignment()),
-    "cutting": cutting(),
-    "nothing seen yet": cutting(
-        stage=CutStage.POSITION, phase_error_deg=None, angles_deg=np.empty(0), errors_um=np.empty(0)
-    ),
-    "done": state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True),
-    "held": state(cut=cut(CutStage.HELD)),
-    "stopping": stopped(rest_s=None),
-    "stopped in the part": stopped(tool_in_part=True, can_retract=True),
-    "killed in the part": stopped(tool_in_part=True, killed=True),
-}
+    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=VALID, until_s=108.4)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -252,7 +120,7 @@ def test_armed_says_what_moves_first_and_how_long_it_holds(armed: Armed) -> None
     page = shown(state(armed=armed), size=(100, 30))
     assert "ARMED" in page.text
     assert "F6 starts within 9 s" in page.words
-    assert "tool out, carriage, spindle, tool in" in page.words
+    assert "tool out, carriage to Z 169.3 mm, spindle to its start" in page.words
     assert "✓ program" in page.text
     assert "F6" in page.next_step
 
@@ -273,7 +141,7 @@ def test_the_cut_shows_its_values_with_units() -> None:
     assert "turn 83 of 160 · Z 4.2 of 8.0 mm · 5 s left" in page.text
     assert "52 %" in page.text
     # 3 lobes at 1000.3 rpm; the tool stands 0.6 um less deep than wanted, so wanted is the smaller radius.
-    for value in ("1000.3 rpm", "50.0 Hz", "R 25.9271 mm", "R 25.9265 mm", "-0.60 um", "1.40 um", "+0.08 °"):
+    for value in ("1000 rpm", "50.0 Hz", "R 25.9271 mm", "R 25.9265 mm", "-0.60 um", "1.40 um", "+0.08 °"):
         assert value in page.text
     assert f"± {PHASE_LIMIT_DEG:.2f}°" in page.text
     assert "CUTTING" in page.text
@@ -341,42 +209,97 @@ def test_a_held_cut_is_not_called_done() -> None:
     assert shown(STATES["held"], "run.arm").orders
 
 
-def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
-    page = shown(STATES["stopped in the part"])
-    assert "1.3 s" in page.text
-    assert "IN OR AT THE PART" in page.text
-    assert "F2 goes on" in page.words
-    assert "F8 takes the tool out" in page.words
-    assert "NOT YET" in shown(STATES["stopping"]).text
-    killed = shown(STATES["killed in the part"])
-    assert "drives off" in killed.text
-    assert "F8 cannot take the tool out" in killed.words
-
-
-@pytest.mark.parametrize(
-    ("now", "code"),
-    [
-        (stopped(tool_in_part=True, can_retract=True), "screen.stopped_first"),
-        (cutting(), "screen.in_motion"),
-        (state(), "screen.tool_is_out"),
-        (state(snapshot=look(OFF, tool=SURFACE_COUNTS)), "machine.retract_not_possible"),
-        (state(activity=Activity.ARMING, snapshot=look(tool=SURFACE_COUNTS)), "screen.busy"),
-        (StationState(), "screen.nothing_known"),
-    ],
-)
-def test_retract_says_why_not(now: StationState, code: str) -> None:
-    page = shown(now, "run.retract")
-    assert (page.orders, page.said) == ([], [code])
-
-
-def test_retract_after_a_cut_that_was_left() -> None:
-    left = state(snapshot=look(tool=SURFACE_COUNTS), cut=cut())
-    page = shown(left, "run.retract")
-    assert page.orders == [Retract()]
-    assert "F8" in page.next_step
-    assert "switches on" in shown(replace(left, snapshot=look(OFF, tool=SURFACE_COUNTS))).next_step
-
-
 def test_enter_is_no_key_of_this_page() -> None:
     page = shown(state(), "run.take")
     assert page.orders == []
+
+
+@pytest.mark.parametrize("stage", [CutStage.POSITION, CutStage.RUN_UP])
+def test_before_the_tool_is_in_the_part_nothing_is_judged(stage: CutStage) -> None:
+    page = shown(cutting(stage=stage, turn=40.0, tool_error_um=2000.0, phase_error_deg=None))
+    assert "%" not in page.text
+    assert "turn 40" not in page.text
+    assert "2000" not in page.text
+    assert "following err           +12.30 um" in page.text
+
+
+@pytest.mark.parametrize(
+    ("stage", "words"),
+    [
+        (CutStage.POSITION, "Going to the start"),
+        (CutStage.RUN_UP, "The spindle runs up"),
+        (CutStage.CUT, "Cutting. F7"),
+        (CutStage.RETRACT, "The tool goes out"),
+    ],
+)
+def test_the_next_step_tells_the_stage(stage: CutStage, words: str) -> None:
+    assert shown(cutting(stage=stage)).next_step.startswith(words)
+
+
+def test_on_its_way_out_the_tool_has_no_error_but_the_cut_has_a_largest_one() -> None:
+    page = shown(cutting(stage=CutStage.RETRACT, tool_error_um=-2000.0))
+    assert "2000" not in page.text
+    assert "largest                 1.40 um" in page.text
+
+
+def test_without_compensation_nothing_is_judged() -> None:
+    page = shown(cutting(judged=False, phase_error_deg=None, tool_error_um=27.6, tool_error_peak_um=28.1))
+    assert "no compensation: not judged" in page.text
+    assert "not known yet" not in page.text
+    assert not any(value in page.text for value in ("27.6", "28.1"))
+    end = shown(state(cut=cut(CutStage.DONE, figures=FIGURES, judged=False), cut_done=True))
+    assert "no compensation: not judged" in end.text
+    assert "1.41" not in end.text
+
+
+def test_the_summary_is_of_what_was_armed(armed: Armed) -> None:
+    moved = replace(VALID, jaw=JawAngle(angle_deg=99.0, at="09:59"), touch_off=None)
+    other = with_strategy(edited(experiment(), "chucking_force_n", "700"), "none")
+    page = shown(state(moved, armed=armed), work=other, size=(100, 30))
+    for value in ("1314 N", "pvt", "12.60 °", "R 76.000 mm"):
+        assert value in page.text
+    for value in ("700 N", "99.00 °", "none, tool", other.loaded.sha256[:6]):
+        assert value not in page.text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_all_that_moves_is_read_at_80_columns(armed: Armed, language: str) -> None:
+    """Carriage: 169.3 mm of its way; tool: 48 mm in from its zero at 76 mm."""
+    page = shown(state(armed=armed), language=language)
+    for value in ("Z 169.3 mm", "R 28.000 mm", "1000 rpm"):
+        assert value in page.words
+    assert armed.plan.tool_start == 240_000.0
+
+
+@pytest.mark.parametrize("key", ["run.arm", "run.start", "run.hold", "run.retract"])
+def test_a_key_that_is_held_down_orders_once(key: str, armed: Armed) -> None:
+    now = {
+        "run.arm": state(),
+        "run.start": state(armed=armed),
+        "run.hold": cutting(),
+        "run.retract": state(snapshot=look(tool=SURFACE_COUNTS), cut=cut()),
+    }[key]
+    page = shown(now, key, key, key)
+    assert (len(page.orders), page.said) == (1, ["screen.key_repeats"])
+
+
+def test_a_key_is_taken_again_after_a_while() -> None:
+    control = FixedControl(state())
+    desk = desk_for(control, Path("/nowhere"), "en", experiment())
+    page = RunPage(desk)
+    for now_s in (100.0, 100.7, 101.4, 102.3):  # each but the last within 0.8 s of the one before
+        control._now_s = now_s
+        page.act("run.arm")
+    assert len(control.orders) == 2
+
+
+def test_a_bar_is_full_only_at_the_end() -> None:
+    assert bar(0.99, 10) == "■" * 9 + "□"
+    assert bar(1.0, 10) == "■" * 10
+
+
+def test_a_hold_is_read_whole_at_80_columns() -> None:
+    for language in LANGUAGES:
+        page = shown(cutting(holding=True), language=language)
+        assert "…" not in page.text
+    assert "1000 rpm" in page.text

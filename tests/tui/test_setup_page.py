@@ -15,11 +15,14 @@ from textual.pilot import Pilot
 from console.session.paths import jobs_folder
 from console.session.state import Activity, StationState
 from console.session.work import Work, edited
+from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.gate import FieldKind
-from console.tui.lines import width_of
+from console.tui.lines import plain, width_of
 from console.tui.pages.fields import FORM
 from console.tui.pages.setup import SetupPage
+from console.tui.pages.setup_lines import finding_lines
+from profiles.rules import Severity, check
 from profiles.store import load_job
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment, grid
 
@@ -402,3 +405,21 @@ def test_every_next_step_stands_in_its_row(language: str, tmp_path: Path) -> Non
         assert fits()
 
     play(scene, tmp_path, work=experiment(), language=language)
+
+
+def test_rules_that_have_no_room_are_counted() -> None:
+    """14 rules and 9 rows: one says how many hold, seven are named, one says how many more there are."""
+    work = experiment()
+    findings = [finding for finding in check(work.job, work.machine.machine) if finding.severity is Severity.OK]
+    assert len(findings) == 14
+    rows = plain(finding_lines(findings, load("en"), 40, 9)).split("\n")
+    assert len(rows) == 9
+    assert rows[-1].strip() == "… and 7 more hold"
+    assert "more hold" not in plain(finding_lines(findings, load("en"), 40, 15))
+
+
+def test_a_material_is_asked_for_as_one(tmp_path: Path) -> None:
+    async def scene(stage: Stage) -> None:
+        assert "a material of at most 80 characters" in stage.text
+
+    play(scene, tmp_path, work=experiment())

@@ -6,6 +6,7 @@ cannot be done now says why.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -13,9 +14,11 @@ from textual.app import ComposeResult
 from textual.containers import Vertical
 
 from console.session.alignment import AlignStep, force_problems
+from console.session.clearance import over_part
 from console.session.intents import (
     Approach,
     ConfirmClamping,
+    Forget,
     Home,
     Intent,
     Jog,
@@ -25,20 +28,24 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
-from console.session.jogging import FIRST_RUNG, IDLE_S, STEPS_MM, longest_in_mm, step_of, tool_radius_mm
-from console.session.progress import CutStage
+from console.session.jogging import FIRST_RUNG, IDLE_S, STEPS_MM, is_too_long, longest_toward_mm, step_of
 from console.session.state import Activity, StationState
 from console.tui.desk import Desk, View
-from console.tui.keymap import ACTIONS, PageName
+from console.tui.keymap import ACTIONS, REPEAT_S, PageName
 from console.tui.lines import Line, dim, line
 from console.tui.page import Page
 from console.tui.pages.align_lines import (
+    NEAR_MARK_DEG,
     angle_deg,
     axes_lines,
     drives_are_on,
+    in_part_word,
+    is_in_part,
     is_valid,
+    jaw_off_deg,
     step_lines,
     step_now,
+    waiting,
     why_lines,
 )
 from console.tui.pages.chuck_picture import chuck_lines
@@ -59,10 +66,21 @@ JOGS = {
 }
 """Axis and direction of each jog key: toward the work, toward the chuck, with the cut are positive."""
 
+CONFIRM_S = 3.0
+"""How long a second Enter takes what the first one was warned of."""
+
 _KEYS = {action.id: action.shown for action in ACTIONS}
 _BY_HAND = {
     AlignStep.CLAMP: "screen.enter_does_it",
     AlignStep.JAW: "screen.jog_does_it",
+}
+_REFUSALS = {
+    "lost": "session.lost",
+    "stopping": "screen.in_motion",
+    "stopped": "screen.stopped_first",
+    "connecting": "screen.nothing_known",
+    "moving": "screen.in_motion",
+    "busy": "screen.busy",
 }
 
 
@@ -94,6 +112,8 @@ class AlignPage(Page):
         self._rung = FIRST_RUNG
         self._enabled_until_s: float | None = None
         self._last_key: str | None = None
+        self._pressed_s: dict[str, float] = {}
+        self._warned_s: float | None = None
         self._titles()
 
     def compose(self) -> ComposeResult:
@@ -113,22 +133,26 @@ class AlignPage(Page):
         self.set_class(self.size.height >= 36, "-tall")
         text, state, job = self.desk.text, view.state, _job(view)
         machine = self.desk.machine.machine
-        if state.moving:
+        if _moves(state):
             self._renew()  # idle is counted from the end of what moves
         self._let_go_when_idle(view.now_s)
         self._axes.show(axes_lines(text, state, machine, view.now_s, self._axes.size.width))
-        jog = self._jog_view(state, job, view.now_s)
+        jog = self._jog_view(state, view.now_s)
         self._jog.show(jog_lines(text, jog, self._jog.size.width, self._jog.size.height))
-        self._steps.show(step_lines(text, state.alignment, job))
-        self._why.show(why_lines(text, state, job, self._why.size.width, self._why.size.height))
-        self._title_why(is_valid(state.alignment, job))
+        self._steps.show(step_lines(text, state, job))
+        self._why.show(why_lines(text, state, job, machine, self._why.size.width, self._why.size.height))
+        self._title_why(state, job)
         if state.seen is not None and self.has_class("-roomy"):
             size = self._chuck.size
             jaws = machine.chuck.jaws if job is None else job.jaws
-            self._chuck.show(chuck_lines(size.width, size.height, jaws, state.seen.jaw_1_past_mark_deg))
+            past_deg = state.seen.jaw_1_past_mark_deg
+            lost = state.activity is Activity.LOST
+            self._chuck.show(() if lost else chuck_lines(size.width, size.height, jaws, past_deg))
 
     def act(self, action: str) -> None:
         """Do what a key asks for, or say why not."""
+        if action != "align.take":
+            self._warned_s = None
         if action in JOGS:
             self._jog_by(action)
         else:
@@ -139,15 +163,16 @@ class AlignPage(Page):
                 "align.larger": self._change_rung,
                 "align.smaller": self._change_rung,
                 "align.off": self._switch_off,
+                "align.back": self._take_back,
             }
             answers[action](action)
 
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
         text, state, job = self.desk.text, view.state, _job(view)
-        waiting = _waiting(state)
-        if waiting:
-            return line(dim(text(f"align_page.next.{waiting}")))
+        word = waiting(state)
+        if word:
+            return line(dim(text(f"align_page.next.{word}")))
         step = step_now(state.alignment, job)
         if job is None and step is None:
             return line((text("align_page.next.no_job"), Token.ACTION))
@@ -161,12 +186,15 @@ class AlignPage(Page):
 
     def leave(self) -> None:
         """Let go of the jog; a step that is under way ends with its page."""
-        self._enabled_until_s = self._last_key = None
+        self._enabled_until_s = self._last_key = self._warned_s = None
         if self.desk.control.state.activity is Activity.JOGGING:
             self.desk.control.stop("page")
             self._say("screen.left_jogging")
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
+        machine = self.desk.machine.machine
+        if step is AlignStep.CLAMP and is_in_part(state, machine):
+            return in_part_word(state)
         if step is AlignStep.CLAMP and drives_are_on(state):
             return "clamp_drives_on"
         if step is AlignStep.CLAMP and job is not None and force_problems(job):
@@ -174,18 +202,19 @@ class AlignPage(Page):
         if step is AlignStep.JAW and self._enabled_until_s is None:
             return "jaw_enable"
         if step is None:
-            again = self._taken_again()
-            return "valid" if again is None else f"{again}_again"
+            return "jaw_off" if (jaw_off_deg(state, machine) or 0.0) > NEAR_MARK_DEG else "valid"
         return str(step)
 
     def _do_step(self, key: str) -> None:
         """F4: the present step, where it is the machine's to do."""
         state, job = self.desk.control.state, self._job
-        if self._refuses(state, key):
+        if self._repeats(key) or self._refuses(state, key):
             return
         match step_now(state.alignment, job):
             case AlignStep.VERIFY:
                 self._post(Verify())
+            case AlignStep.CLAMP if is_in_part(state, self.desk.machine.machine):
+                self._way_out(state)
             case AlignStep.CLAMP if drives_are_on(state):
                 self._post(SwitchOff())
             case AlignStep.DRIVES:
@@ -202,20 +231,21 @@ class AlignPage(Page):
     def _take(self, key: str) -> None:
         """Enter: confirm what hands did, or take a place over as it is. Nothing moves."""
         state, job = self.desk.control.state, self._job
-        if self._refuses(state, key):
+        if self._repeats(key) or self._refuses(state, key):
             return
         if job is None:
             self._say("screen.nothing_to_align")
             return
-        step = step_now(state.alignment, job) or self._taken_again()
-        match step:
+        match step_now(state.alignment, job):
             case AlignStep.CLAMP:
                 self._confirm_clamping(state, job)
             case AlignStep.DRIVES if not drives_are_on(state):
                 # Another blank: whoever switches the drives off after a cut may have opened the chuck.
                 self._confirm_clamping(state, job)
             case AlignStep.JAW:
-                self._post(TakeJaw())
+                self._take_jaw(state)
+            case AlignStep.TOUCH_OFF if not self._is_over_part(state):
+                self._say("alignment.beside_part", key="tool")
             case AlignStep.TOUCH_OFF:
                 self._post(TakeTouchOff(radius_mm=job.radius_mm))
             case None:
@@ -223,17 +253,50 @@ class AlignPage(Page):
             case _:
                 self._say("screen.f4_does_it")
 
-    def _taken_again(self) -> AlignStep | None:
-        """Return what Enter takes once more when all is valid: that of the axis that was jogged last."""
-        if self._last_key is None:
-            return None
-        axis, _ = JOGS[self._last_key]
-        return {AxisName.SPINDLE: AlignStep.JAW, AxisName.TOOL: AlignStep.TOUCH_OFF}.get(axis)
+    def _take_jaw(self, state: StationState) -> None:
+        """Jaw 1 where it stands; far from the mark, as far as that can be seen, only when asked twice."""
+        now_s, warned_s = self.desk.control.now_s(), self._warned_s
+        off_deg = 0.0 if state.seen is None else abs(state.seen.jaw_1_past_mark_deg)
+        again = warned_s is not None and now_s - warned_s <= CONFIRM_S
+        if off_deg > NEAR_MARK_DEG and not again:
+            self._warned_s = now_s
+            self._say("screen.jaw_far", value=f"{off_deg:.2f}°", limit=f"{CONFIRM_S:.0f} s")
+            return
+        self._warned_s = None
+        self._post(TakeJaw())
+
+    def _is_over_part(self, state: StationState) -> bool:
+        """Whether there is a part in front of the tool: as it is seen at the simulator, else by Z."""
+        if state.seen is not None:
+            return state.seen.tool_gap_mm is not None
+        clamping, machine = state.alignment.clamping, self.desk.machine.machine
+        if clamping is None or state.snapshot is None:
+            return False
+        return over_part(state.snapshot, machine, clamping.overhang_mm)
+
+    def _take_back(self, key: str) -> None:
+        """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
+        state = self.desk.control.state
+        if self._refuses(state, key):
+            return
+        alignment = state.alignment
+        later = step_now(alignment, self._job) in (AlignStep.TOUCH_OFF, None)
+        if later and (alignment.jaw is not None or alignment.touch_off is not None):
+            self._post(Forget())
+        else:
+            self._say("screen.nothing_to_take_back")
+
+    def _way_out(self, state: StationState) -> None:
+        """The tool stands in the part: it has to go before the chuck is opened, which needs its drive."""
+        if state.snapshot is not None and state.snapshot.loops_closed:
+            self._say("machine.tool_in_part")
+        else:
+            self._post(SwitchOn())
 
     def _confirm_clamping(self, state: StationState, job: Job) -> None:
         if drives_are_on(state):
             self._say("screen.drives_not_off")
-        elif _left_inside(state, self._tip_gap_mm(state, job)):
+        elif is_in_part(state, self.desk.machine.machine):
             self._say("machine.tool_in_part")
         elif refused := force_problems(job):
             self.desk.said = refused
@@ -262,7 +325,7 @@ class AlignPage(Page):
 
     def _jog_by(self, key: str) -> None:
         state = self.desk.control.state
-        if state.moving and key == self._last_key:
+        if _moves(state) and key == self._last_key:
             # The key repeats while it is held: one press is one step.
             self._say("screen.in_motion")
             return
@@ -274,8 +337,8 @@ class AlignPage(Page):
             return
         axis, sign = JOGS[key]
         step = step_of(axis, self._rung)
-        longest = longest_in_mm(self._gap_mm(state, self._job))
-        if key == "align.in" and step > longest:
+        longest = longest_toward_mm(state.snapshot, self.desk.machine.machine, state.alignment)
+        if key == "align.in" and is_too_long(step, longest):
             self._say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
             return
         self._last_key = key
@@ -284,7 +347,7 @@ class AlignPage(Page):
 
     def _stops_what_moves(self, state: StationState, key: str) -> bool:
         """Another axis, direction or step while something moves is a change of mind: stop first."""
-        if not state.moving:
+        if not _moves(state):
             return False
         self.desk.control.stop("unbound")
         self._say("screen.key_in_motion", key=_KEYS[key])
@@ -292,16 +355,19 @@ class AlignPage(Page):
 
     def _refuses(self, state: StationState, key: str) -> bool:
         """Say why the station cannot take an order now, if it cannot."""
-        waiting = _waiting(state)
-        codes = {
-            "stopped": "screen.stopped_first",
-            "connecting": "screen.nothing_known",
-            "moving": "screen.in_motion",
-            "busy": "screen.busy",
-        }
-        if waiting:
-            self._say(codes[waiting], key=_KEYS[key])
-        return bool(waiting)
+        word = waiting(state)
+        if word:
+            self._say(_REFUSALS[word], key=_KEYS[key])
+        return bool(word)
+
+    def _repeats(self, key: str) -> bool:
+        """Say that a key is held, if it is: it must not go from one step to the next by itself."""
+        now_s, before_s = self.desk.control.now_s(), self._pressed_s.get(key, -math.inf)
+        self._pressed_s[key] = now_s
+        held = now_s - before_s < REPEAT_S
+        if held:
+            self._say("screen.key_repeats")
+        return held
 
     def _let_go_when_idle(self, now_s: float) -> None:
         if self._enabled_until_s is not None and now_s >= self._enabled_until_s:
@@ -311,30 +377,17 @@ class AlignPage(Page):
         if self._enabled_until_s is not None:
             self._enabled_until_s = self.desk.control.now_s() + IDLE_S
 
-    def _jog_view(self, state: StationState, job: Job | None, now_s: float) -> JogView:
-        until_s = self._enabled_until_s
+    def _jog_view(self, state: StationState, now_s: float) -> JogView:
+        until_s, machine = self._enabled_until_s, self.desk.machine.machine
         return JogView(
-            machine=self.desk.machine.machine,
+            machine=machine,
             rung=self._rung,
             left_s=None if until_s is None else until_s - now_s,
-            moving=state.moving,
-            gap_mm=self._gap_mm(state, job),
+            moving=_moves(state),
+            longest_mm=longest_toward_mm(state.snapshot, machine, state.alignment),
             simulated=state.simulated,
-            seen=state.seen,
+            seen=None if state.activity is Activity.LOST else state.seen,
         )
-
-    def _gap_mm(self, state: StationState, job: Job | None) -> float | None:
-        """Return how far the tip is from the part by the touch-off, None before there is one."""
-        if job is None or state.alignment.touch_off is None:
-            return None
-        return self._tip_gap_mm(state, job)
-
-    def _tip_gap_mm(self, state: StationState, job: Job) -> float | None:
-        """Return the same by the touch-off or, before it, by the profile; None where the zero is not known."""
-        if state.snapshot is None or not state.snapshot.homed:
-            return None
-        position = state.snapshot.tool.position
-        return tool_radius_mm(position, self.desk.machine.machine, state.alignment) - job.radius_mm
 
     @property
     def _job(self) -> Job | None:
@@ -353,9 +406,14 @@ class AlignPage(Page):
         self._steps.border_title = text("align_page.steps")
         self._chuck.border_title = text("align_page.chuck_title")
 
-    def _title_why(self, valid: bool) -> None:
+    def _title_why(self, state: StationState, job: Job | None) -> None:
         text = self.desk.text
-        title = text("align_page.valid_title") if valid else text("align_page.invalid_title")
+        if state.activity is Activity.LOST:
+            title = text("align_page.unknown_title")
+        elif is_valid(state.alignment, job):
+            title = text("align_page.valid_title")
+        else:
+            title = text("align_page.invalid_title")
         if self._why.border_title != title:
             self._why.border_title = title
 
@@ -364,18 +422,6 @@ def _job(view: View) -> Job | None:
     return None if view.work is None else view.work.job
 
 
-def _waiting(state: StationState) -> str:
-    """Return what has to end before an order can be given: a word of the catalogue, empty when nothing has."""
-    if state.stop is not None:
-        return "stopped"
-    if state.snapshot is None or state.activity in (Activity.CONNECTING, Activity.LOST):
-        return "connecting"
-    if state.moving:
-        return "moving"
-    return "" if state.activity is Activity.READY else "busy"
-
-
-def _left_inside(state: StationState, gap_mm: float | None) -> bool:
-    """Whether a cut was left before its end and the tool still stands in the part."""
-    left = state.cut is not None and state.cut.stage not in (CutStage.DONE, CutStage.HELD)
-    return left and gap_mm is not None and gap_mm < 0.0
+def _moves(state: StationState) -> bool:
+    """Whether something moves; of a machine that is lost nobody knows."""
+    return state.moving and state.activity is not Activity.LOST

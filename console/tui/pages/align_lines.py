@@ -14,8 +14,9 @@ from console.session.alignment import (
     problems,
     step_problems,
 )
+from console.session.clearance import tool_in_part
 from console.session.jogging import tool_radius_mm
-from console.session.state import StationState
+from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fact, fitted, line, ranged, wrapped
 from console.tui.theme import Token
@@ -29,9 +30,12 @@ STALE_S = 1.0
 WIDEST_STAMP = 44
 """Columns in which a label and its value still read as one."""
 
+NEAR_MARK_DEG = 1.0
+"""Farther from the mark than this, jaw 1 was not turned to it."""
+
 NOTHING = "–"
-_DONE, _CURRENT, _OPEN = "✓", "●", "○"
-_LABEL_WIDTH, _POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH = 10, 13, 8, 6
+_DONE, _CURRENT, _OPEN, _UNKNOWN = "✓", "●", "○", "?"
+_LABEL_WIDTH, _POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH = 9, 12, 10, 6
 
 
 def axes_lines(
@@ -46,9 +50,14 @@ def axes_lines(
         " ",
         text("align_page.drive"),
     )
-    stale = now_s - state.looked_s > STALE_S
+    stale = is_stale(state, now_s)
     rows = [_axis_line(text, axis, state, machine, stale) for axis in _SHOWN_AXES]
     return [(dim("".join(heads)),), *rows, _drives_line(text, state, now_s, width)]
+
+
+def is_stale(state: StationState, now_s: float) -> bool:
+    """Whether what is shown was seen too long ago, or will not be seen again."""
+    return state.activity is Activity.LOST or now_s - state.looked_s > STALE_S
 
 
 _SHOWN_AXES = (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE)
@@ -62,13 +71,17 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
     seen = state.snapshot.axis(axis)
     position, error = _position(axis, state.snapshot, machine, state.alignment)
     homed = "home_complete" in seen.flags
-    token = Token.STALE if stale else Token.TEXT
-    gap = _POSITION_WIDTH - cell_len(position)
-    return (
+    pieces = (
         label,
-        line(" " * gap)[0],
-        (position, token),
-        dim(to_the_right(error, _ERROR_WIDTH)),
+        (" " * (_POSITION_WIDTH - cell_len(position)), Token.TEXT),
+        (position, Token.STALE if stale else Token.TEXT),
+        (" " * (_ERROR_WIDTH - cell_len(error)), Token.TEXT),
+        (error, Token.STALE if stale else Token.DIM),
+    )
+    if stale:
+        return (*pieces, dim(to_the_right(_UNKNOWN, _HOMED_WIDTH)), dim(f" {_UNKNOWN}"))
+    return (
+        *pieces,
         (to_the_right(_DONE if homed else _OPEN, _HOMED_WIDTH), Token.OK if homed else Token.WARNING),
         dim(" " + (text("align_page.on") if seen.closed else text("align_page.off"))),
     )
@@ -82,13 +95,18 @@ def _position(
     match axis:
         case AxisName.TOOL:
             radius_mm = tool_radius_mm(seen.position, machine, alignment)
-            return f"R {radius_mm:.4f} mm", f"{seen.following_error * machine.tool.count_um:.1f} um"
+            return f"R {radius_mm:.4f} mm", _error_um(seen.following_error * machine.tool.count_um)
         case AxisName.CARRIAGE:
             per_mm = machine.carriage.counts_per_mm
-            return f"{seen.position / per_mm:.3f} mm", f"{1000.0 * seen.following_error / per_mm:.1f} um"
+            return f"{seen.position / per_mm:.3f} mm", _error_um(1000.0 * seen.following_error / per_mm)
         case AxisName.SPINDLE:
             per_deg = machine.spindle.counts_per_rev / 360.0
             return f"{angle_deg(snapshot, machine):.2f} °", f"{seen.following_error / per_deg:.2f} °"
+
+
+def _error_um(error_um: float) -> str:
+    """Write a following error; a large one in mm, so that it never runs into the position beside it."""
+    return f"{error_um:.1f} um" if abs(error_um) < 999.95 else f"{error_um / 1000.0:.3f} mm"
 
 
 def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
@@ -101,7 +119,7 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     if state.snapshot is None:
         return (dim(fitted(text("align_page.nothing_known"), width)),)
     age_s = now_s - state.looked_s
-    if age_s > STALE_S:
+    if is_stale(state, now_s):
         return ((fitted("! " + text("align_page.stale", age=f"{age_s:.0f} s"), width), Token.WARNING),)
     if state.snapshot.loops_closed:
         drives = dim(text("align_page.drives_on"))
@@ -139,13 +157,16 @@ def _done(alignment: Alignment, step: AlignStep, job: Job | None) -> bool:
     return done.get(step, False)
 
 
-def step_lines(text: Catalogue, alignment: Alignment, job: Job | None) -> list[Line]:
-    """Return the steps in their order, each with its mark."""
-    now = step_now(alignment, job)
+def step_lines(text: Catalogue, state: StationState, job: Job | None) -> list[Line]:
+    """Return the steps in their order, each with its mark; nobody knows the drives of a machine that is lost."""
+    alignment, lost = state.alignment, state.activity is Activity.LOST
+    now = None if lost else step_now(alignment, job)
     rows = []
     for number, step in enumerate(AlignStep, start=1):
         words = f" {number} " + text(f"align_page.step.{step}")
-        if _done(alignment, step, job):
+        if lost and step in (AlignStep.DRIVES, AlignStep.HOME):
+            rows.append(line((_UNKNOWN + words, Token.WARNING)))
+        elif _done(alignment, step, job):
             rows.append(line((_DONE, Token.OK), dim(words)))
         elif step is now:
             rows.append(line((_CURRENT + words, Token.ACTION)))
@@ -159,23 +180,44 @@ def is_valid(alignment: Alignment, job: Job | None) -> bool:
     return job is not None and not problems(alignment, job)
 
 
-def why_lines(text: Catalogue, state: StationState, job: Job | None, width: int, height: int) -> list[Line]:
+def waiting(state: StationState) -> str:
+    """Return what has to end before an order can be given: a word of the catalogue, empty when nothing has."""
+    if state.activity is Activity.LOST:
+        return "lost"
+    if state.stop is not None:
+        return "stopping" if state.stop.rest_s is None else "stopped"
+    if state.snapshot is None or state.activity is Activity.CONNECTING:
+        return "connecting"
+    if state.moving:
+        return "stopping" if state.activity is Activity.STOPPING else "moving"
+    return "" if state.activity is Activity.READY else "busy"
+
+
+def why_lines(
+    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int, height: int
+) -> list[Line]:
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
-    alignment = state.alignment
+    word, valid = waiting(state), is_valid(state.alignment, job)
+    if word in ("lost", "stopping", "connecting") or (word == "moving" and not valid):
+        # No advice for hands while something moves, or may.
+        return clipped(wrapped(text(f"align_page.next.{word}"), width, Token.STRONG), height)
     if job is None:
         return clipped(wrapped(text("align_page.no_job"), width), height)
-    if is_valid(alignment, job):
-        return _stamps(text, alignment, min(width, WIDEST_STAMP))
-    shown = wrapped(hint(text, state, job), width, Token.STRONG)
-    for problem in problems(alignment, job):
+    if valid:
+        return _stamps(text, state, machine, width, height)
+    advice = text("align_page.next.stopped") if word == "stopped" else hint(text, state, job, machine)
+    shown = wrapped(advice, width, Token.STRONG)
+    for problem in problems(state.alignment, job):
         first, *rest = wrapped(text.problem(problem), width - 2)
         shown += [(dim("· "), *first), *((dim("  "), *more) for more in rest)]
     return clipped(shown, height)
 
 
-def hint(text: Catalogue, state: StationState, job: Job) -> str:
+def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile) -> str:
     """Return in a sentence or two how the present step is done."""
     step = current_step(state.alignment, job)
+    if step is AlignStep.CLAMP and is_in_part(state, machine):
+        return text(f"align_page.next.{in_part_word(state)}")
     if step is AlignStep.CLAMP and drives_are_on(state):
         return text("align_page.hint.clamp_drives_on")
     if step is AlignStep.CLAMP and force_problems(job):
@@ -190,30 +232,69 @@ def hint(text: Catalogue, state: StationState, job: Job) -> str:
     )
 
 
+def is_in_part(state: StationState, machine: MachineProfile) -> bool:
+    """Whether the tool is known to stand in or at the part that is clamped, whatever job is in hand."""
+    return state.snapshot is not None and tool_in_part(state.snapshot, machine, state.alignment) is True
+
+
+def in_part_word(state: StationState) -> str:
+    """Return which words say how to get the tool out: a drive that is off cannot take it out."""
+    return "jog_out" if state.snapshot is not None and state.snapshot.loops_closed else "switch_on_to_jog_out"
+
+
+def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
+    """Return how far from the mark jaw 1 was taken, as the simulated lathe sees it; degrees, 0 or more.
+
+    None where that is not seen: at a real machine, before jaw 1, while the spindle turns.
+    """
+    jaw, seen, snapshot = state.alignment.jaw, state.seen, state.snapshot
+    if jaw is None or seen is None or snapshot is None or state.activity is Activity.LOST:
+        return None
+    if "desired_velocity_zero" not in snapshot.spindle.flags:
+        return None
+    off_deg = angle_deg(snapshot, machine) - seen.jaw_1_past_mark_deg - jaw.angle_deg
+    return abs((off_deg + 180.0) % 360.0 - 180.0)
+
+
 def drives_are_on(state: StationState) -> bool:
     """Whether a loop is closed, or may be: as long as nothing is known the hands stay out."""
     return state.snapshot is None or not state.snapshot.loops_open
 
 
-def _stamps(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
-    rows = [line(("✓ " + text("align_page.valid"), Token.OK)), BLANK]
+def _stamps(text: Catalogue, state: StationState, machine: MachineProfile, width: int, height: int) -> list[Line]:
+    """Return what all rests on; in little room the blank rows go first, then the way back."""
+    head = _all_taken(text, state, machine, width)
+    facts = _facts(text, state.alignment, min(width, WIDEST_STAMP))
+    back = wrapped(text("align_page.back"), width)
+    for rows in ([*head, BLANK, *facts, BLANK, *back], [*head, *facts, *back]):
+        if len(rows) <= height:
+            return rows
+    return clipped([*head, *facts], height)
+
+
+def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, width: int) -> list[Line]:
+    off_deg = jaw_off_deg(state, machine)
+    seen_well = off_deg is not None and off_deg <= NEAR_MARK_DEG
+    if seen_well or not state.simulated:
+        return [line(("✓ " + text("align_page.valid"), Token.OK))]
+    rows = [line("✓ " + text("align_page.all_taken"))]
+    if off_deg is not None:
+        first, *rest = wrapped(text("align_page.jaw_off", angle=f"{off_deg:.2f}°"), width - 4, Token.WARNING)
+        rows += [(("SIM", Token.SIM), dim(" "), *first), *((dim(" " * 4), *more) for more in rest)]
+    return rows
+
+
+def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
     stamps: list[tuple[str, str, str]] = []
     if alignment.clamping is not None:
-        stamps.append(
-            (text("align_page.stamp.force"), f"{alignment.clamping.force_n:.0f} N", alignment.clamping.at)
-        )
+        force = f"{alignment.clamping.force_n:.0f} N"
+        stamps.append((text("align_page.stamp.force"), force, alignment.clamping.at))
     if alignment.jaw is not None:
         stamps.append((text("align_page.stamp.jaw"), f"{alignment.jaw.angle_deg:.2f} °", alignment.jaw.at))
     if alignment.touch_off is not None:
-        stamps.append(
-            (
-                text("align_page.stamp.touch"),
-                f"R {alignment.touch_off.zero_radius_mm:.3f} mm",
-                alignment.touch_off.at,
-            )
-        )
-    rows += [fact(label, f"{value}  {at}", width, label_width=10) for label, value, at in stamps]
-    return rows
+        zero = f"R {alignment.touch_off.zero_radius_mm:.3f} mm"
+        stamps.append((text("align_page.stamp.touch"), zero, alignment.touch_off.at))
+    return [fact(label, f"{value}  {at}", width, label_width=10) for label, value, at in stamps]
 
 
 def clipped(lines: list[Line], height: int) -> list[Line]:

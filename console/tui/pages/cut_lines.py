@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from console.session.progress import PHASE_LIMIT_DEG, CutProgress
+from console.session.progress import PHASE_LIMIT_DEG, CutProgress, CutStage
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, fact, line, ranged, width_of
+from console.tui.lines import BLANK, Line, dim, fact, line, ranged, width_of, wrapped
 from console.tui.pages.align_lines import to_the_right
 from console.tui.plot.scale import nice_limits
 from console.tui.plot.trace_view import Series
@@ -15,6 +15,12 @@ from console.tui.theme import Token
 from profiles.job import Job
 
 LABEL_WIDTH = 14
+NOTHING = "–"
+"""Stands where there is no value, or none that may be judged."""
+
+BEFORE_CUT = frozenset({CutStage.POSITION, CutStage.RUN_UP})
+"""Stages in which nothing of the part is cut yet."""
+
 BIN_DEG = 10.0
 """Looks within such an angle are averaged for the polar picture: single ones are too few in a turn."""
 
@@ -25,7 +31,12 @@ Floats = NDArray[np.float64]
 
 
 def progress_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
-    """Return turn, Z, time left, and a bar with the share of the length that is done."""
+    """Return turn, Z, time left, and a bar with the share of the length that is done; before the cut its stage."""
+    if cut.stage in BEFORE_CUT:
+        stage = text(f"run_page.stage.{cut.stage}")
+        turns, length = f"{cut.turns:.0f}", f"{cut.length_mm:.1f}"
+        coming = text("run_page.progress_before", stage=stage, turns=turns, length=length)
+        return ranged(line((coming, Token.STRONG)), BLANK, width)
     percent = f" {100.0 * cut.fraction:3.0f} %"
     head = text(
         "run_page.progress",
@@ -41,15 +52,17 @@ def progress_line(text: Catalogue, cut: CutProgress, width: int) -> Line:
 
 
 def bar(fraction: float, cells: int) -> str:
-    """Return a bar of so many cells."""
-    full = round(min(max(fraction, 0.0), 1.0) * cells)
+    """Return a bar of so many cells; it is full only when all is done."""
+    full = int(min(max(fraction, 0.0), 1.0) * cells)
     return "■" * full + "□" * (cells - full)
 
 
 def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -> list[Line]:
-    """Return the values of one moment."""
+    """Return the values of one moment. Only in the part is there a path that the tool should keep to."""
+    in_part = cut.judged and cut.stage is CutStage.CUT
+    has_peak = cut.judged and cut.stage not in BEFORE_CUT
     wanted_mm = cut.tool_radius_mm + cut.tool_error_um / 1000.0
-    lobe_hz = "–" if job is None else f"{job.jaws * cut.speed_rpm / 60.0:.1f} Hz"
+    lobe_hz = NOTHING if job is None else f"{job.jaws * cut.speed_rpm / 60.0:.1f} Hz"
 
     def row(key: str, value: str) -> Line:
         return fact(text(f"run_page.live.{key}"), value, width, label_width=LABEL_WIDTH)
@@ -58,15 +71,15 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     shown = text("run_page.holding") if cut.holding else stage
     return [
         fact(text("run_page.live.stage"), shown, width, label_width=LABEL_WIDTH, token=Token.STRONG),
-        row("speed", f"{cut.speed_rpm:.1f} rpm"),
+        row("speed", f"{cut.speed_rpm:.0f} rpm"),
         row("lobe", lobe_hz),
         row("tool", f"R {cut.tool_radius_mm:.4f} mm"),
-        row("wanted", f"R {wanted_mm:.4f} mm"),
-        row("error", f"{cut.tool_error_um:+.2f} um"),
-        row("peak", f"{cut.tool_error_peak_um:.2f} um"),
+        row("wanted", f"R {wanted_mm:.4f} mm" if in_part else NOTHING),
+        row("error", f"{cut.tool_error_um:+.2f} um" if in_part else NOTHING),
+        row("peak", f"{cut.tool_error_peak_um:.2f} um" if has_peak else NOTHING),
         row("following", f"{cut.following_error_um:+.2f} um"),
         BLANK,
-        *phase_lines(text, cut.phase_error_deg, width),
+        *(phase_lines(text, cut.phase_error_deg, width) if cut.judged else _not_judged(text, width)),
     ]
 
 
@@ -90,6 +103,10 @@ def phase_lines(text: Catalogue, phase_deg: float | None, width: int) -> list[Li
     ]
 
 
+def _not_judged(text: Catalogue, width: int) -> list[Line]:
+    return wrapped(text("run_page.not_judged"), width, Token.DIM)
+
+
 def gauge(share: float | None, cells: int) -> str:
     """Return a scale from -limit to +limit with a mark at `share` of the limit; beyond it the mark is an arrow."""
     half = max((cells - 3) // 2, 1)
@@ -104,7 +121,12 @@ def gauge(share: float | None, cells: int) -> str:
 
 
 def error_series(cut: CutProgress) -> tuple[tuple[Series, ...], tuple[float, float]]:
-    """Return the looks of the last seconds as dots over the spindle angle, and limits in um that hold them all."""
+    """Return the looks of the last seconds as dots over the spindle angle, and limits in um that hold them all.
+
+    Without compensation there is nothing to judge: no series.
+    """
+    if not cut.judged:
+        return (), (-LEAST_LIMIT_UM, LEAST_LIMIT_UM)
     most = float(np.max(np.abs(cut.errors_um), initial=LEAST_LIMIT_UM))
     looks = Series(x=cut.angles_deg, y=cut.errors_um, token=Token.AFTER, dots=True)
     return (looks,), nice_limits(-most, most)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.events import Resize
+from textual.geometry import Size
 
 from console.session.intents import Measure
 from console.session.state import Activity, MeasuredPart, StationState
@@ -70,6 +71,7 @@ class InspectPage(Page):
         self._view: View | None = None
         self._seen: Comparison | None = None
         self._parts: tuple[MeasuredPart | None, MeasuredPart | None] = (None, None)
+        self._painted_for: tuple[Size, ...] = ()
         self._harmonics.border_title = desk.text("inspect_page.harmonics")
         self._charts.display = False
 
@@ -83,7 +85,8 @@ class InspectPage(Page):
     def show(self, view: View) -> None:
         """Show the last part that was measured."""
         before, self._view = self._view, view
-        if before is None or _news(before.state) != _news(view.state):
+        news = before is None or _news(before.state) != _news(view.state)
+        if news or self._sizes != self._painted_for:
             self._paint()
 
     def on_resize(self, event: Resize) -> None:
@@ -127,6 +130,7 @@ class InspectPage(Page):
         view = self._view
         if view is None:
             return
+        self._painted_for = self._sizes
         state = view.state
         self._compare(state)
         self._see(self._message if self._seen is None else self._charts)
@@ -163,6 +167,11 @@ class InspectPage(Page):
             for side, token in sides
         ]
         self._polar.show(traces, marks=[Mark(angle_deg=seen.part.jaw_1_deg, label=_JAW_1)])
+
+    @property
+    def _sizes(self) -> tuple[Size, ...]:
+        """The rooms of the texts; a class that was set changes them some time after the resize."""
+        return tuple(sheet.size for sheet in (self._caption, self._result, self._harmonics, self._message))
 
     def _see(self, wanted: Horizontal | Sheet) -> None:
         """Show the numbers or the message, which needs a layout before it knows its size."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len
 
-from console.session.jogging import STEPS_DEG, STEPS_MM, longest_in_mm, overrun, step_of
+from console.session.jogging import STEPS_DEG, STEPS_MM, overrun, step_of
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, Piece, dim, line, ranged, wrapped
 from console.tui.pages.align_lines import clipped, to_the_right
@@ -22,13 +22,13 @@ _RUNG_WIDTH = 7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogView:
-    """What the panel is made from. `left_s` is None while jogging is not enabled, `gap_mm` before a touch-off."""
+    """What the panel is made from. `left_s` is None while jogging is not enabled."""
 
     machine: MachineProfile
     rung: int
     left_s: float | None
     moving: bool
-    gap_mm: float | None
+    longest_mm: float
     simulated: bool
     seen: ShopView | None
 
@@ -74,7 +74,7 @@ def _rungs(steps: Sequence[str], chosen: int, unit: str) -> Line:
 def _directions(text: Catalogue, jog: JogView) -> list[Line]:
     chuck = text("align_page.chuck")
     lead = " " * (cell_len(chuck) + 4)
-    longest = text("align_page.at_most", step=f"{longest_in_mm(jog.gap_mm):.3f} mm")
+    longest = text("align_page.at_most", step=f"{jog.longest_mm:.3f} mm")
     return [
         line(lead, ("↑ ", Token.KEY), text("align_page.away")),
         line(
@@ -134,4 +134,4 @@ def gap_words(text: Catalogue, seen: ShopView) -> str:
         return text("align_page.tool_beside")
     if gap > 0:
         return text("align_page.gap", gap=f"{gap:.3f} mm")
-    return text("align_page.touches", depth=f"{-gap:.3f} mm")
+    return text("align_page.touches", depth=f"{abs(gap):.3f} mm")

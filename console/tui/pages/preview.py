@@ -8,6 +8,7 @@ import numpy as np
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.events import Resize
+from textual.geometry import Size
 
 from console.session.alignment import Alignment
 from console.session.preview import Preview
@@ -107,6 +108,7 @@ class PreviewPage(Page):
         self._reading = False
         self._view: View | None = None
         self._drawn: tuple[Preview, Strategy] | None = None
+        self._painted_for: tuple[Size, ...] = ()
         self._roundness.border_title = text("preview_page.roundness")
         self._roundness.border_subtitle = text("preview_page.roundness_as")
         self._strategy.border_title = text("preview_page.strategies")
@@ -126,7 +128,9 @@ class PreviewPage(Page):
     def show(self, view: View) -> None:
         """Show the preview of the job in hand."""
         before, self._view = self._view, view
-        if before is None or before.work is not view.work or before.state.alignment is not view.state.alignment:
+        old = None if before is None else (before.work, before.state.alignment)
+        same = old is not None and old[0] is view.work and old[1] is view.state.alignment
+        if not same or self._sizes != self._painted_for:
             self._paint()
 
     def on_resize(self, event: Resize) -> None:
@@ -176,6 +180,7 @@ class PreviewPage(Page):
         view = self._view
         if view is None:
             return
+        self._painted_for = self._sizes
         work = view.work
         if work is None or work.preview is None:
             self._see(self._message)
@@ -189,6 +194,11 @@ class PreviewPage(Page):
             self._see(self._charts)
             self._draw(work.preview, strategy)
             self._write(work.preview, strategy, view.state.alignment)
+
+    @property
+    def _sizes(self) -> tuple[Size, ...]:
+        """The rooms of the texts; a class that was set changes them some time after the resize."""
+        return tuple(sheet.size for sheet in (self._caption, self._strategy, self._margins, self._message))
 
     def _see(self, wanted: Horizontal | Sheet) -> None:
         """Show one of the three, which needs a layout before it knows its size."""

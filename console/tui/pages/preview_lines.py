@@ -149,7 +149,8 @@ def margin_lines(needs: Sequence[Margin], text: Catalogue, width: int, height: i
 def _margin(need: Margin, text: Catalogue, width: int, values: int, bar: int) -> Line:
     over = need.share.percent > 100.0
     token = Token.WARNING if over else Token.TEXT
-    filled = min(round(bar * need.share.percent / 100.0), bar)
+    most = bar if need.share.percent >= 100.0 else bar - 1  # what is left may be small, but it is there
+    filled = min(round(bar * need.share.percent / 100.0), most)
     drawn: Line = (("■" * filled, token), dim("□" * (bar - filled)), dim(" ")) if bar else ()
     right = line(
         (f"{need.value:>{values}}", token), (f" {need.share.percent:3.0f} %", token), "!" if over else " "

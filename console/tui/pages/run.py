@@ -14,25 +14,34 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
 from console.session.alignment import JawAngle
+from console.session.clearance import tool_in_part
 from console.session.intents import Arm, Disarm, Hold, Retract, Start
 from console.session.progress import CutProgress, CutStage
 from console.session.state import Activity, StationState
 from console.tui.desk import Desk, View
-from console.tui.keymap import PageName
+from console.tui.keymap import REPEAT_S, PageName
 from console.tui.lines import BLANK, Line, dim, line, wrapped
 from console.tui.page import Page
 from console.tui.pages.align_lines import clipped
-from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line
+from console.tui.pages.cut_lines import NOTHING, error_series, live_lines, mean_error_um, progress_line
 from console.tui.pages.run_lines import (
     after_lines,
     check_lines,
     checks,
     failing,
     figure_lines,
-    may_be_in_part,
-    remedy,
-    stop_lines,
+    moves_lines,
     summary_lines,
+)
+from console.tui.pages.stop_lines import (
+    CutOfStop,
+    Look,
+    lost_lines,
+    recent,
+    spindle_line,
+    stale,
+    stop_lines,
+    turning_rpm,
 )
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TraceView
@@ -46,6 +55,12 @@ FULL_TURN_DEG = (0.0, 360.0)
 WIDEST_FACT = 56
 """Columns in which a label and its value still read as one."""
 
+LEAST_WIDTH = 10
+"""A panel that is narrower has not got its size yet: a text in it would be broken by letters."""
+
+LEFT_STAGES = frozenset({CutStage.CUT, CutStage.RETRACT})
+"""Stages in which the tool is in the part, or on its way out; a cut that ended in one of them was left."""
+
 LEAST_POLAR_ROWS = 24
 """Rows of the page from which there is room for the polar picture below the other one."""
 
@@ -57,10 +72,13 @@ class Phase(Enum):
     CUTTING = auto()
     ENDED = auto()
     STOPPED = auto()
+    LOST = auto()
 
 
 def phase_of(state: StationState) -> Phase:
     """Return what the page is about in this state."""
+    if state.activity is Activity.LOST:
+        return Phase.LOST
     if state.stop is not None:
         return Phase.STOPPED
     if state.cut is None or state.armed is not None:
@@ -70,8 +88,22 @@ def phase_of(state: StationState) -> Phase:
     return Phase.CUTTING if state.activity in (Activity.POSITIONING, Activity.CUTTING) else Phase.BEFORE
 
 
+class _Across(Horizontal):
+    """Panels beside each other. They cover it, so it has no rows of its own to paint at every tick."""
+
+    BLANK = True
+
+
+class _Down(Vertical):
+    """Panels below each other; the same."""
+
+    BLANK = True
+
+
 class RunPage(Page):
     """Where parts are cut."""
+
+    BLANK = True
 
     name_: ClassVar[PageName] = PageName.RUN
     DEFAULT_CSS = """
@@ -102,6 +134,11 @@ class RunPage(Page):
         self._errors = TraceView(palette=palette, id="run-errors")
         self._polar = PolarView(palette=palette, id="run-polar")
         self._drawn: CutProgress | None = None
+        self._view: View | None = None
+        self._waits_for_room = False
+        self._looks: tuple[Look, ...] = ()
+        self._cut_of_stop = CutOfStop()
+        self._pressed_s: dict[str, float] = {}
         text = desk.text
         self._progress.border_title = text("run_page.cut")
         self._values.border_title = text("run_page.values")
@@ -109,22 +146,57 @@ class RunPage(Page):
 
     def compose(self) -> ComposeResult:
         """Return two panels of text, and the panels of a cut that take their place."""
-        with Horizontal(id="run-two"):
+        with _Across(id="run-two"):
             yield self._left
             yield self._right
-        with Vertical(id="run-live"):
+        with _Down(id="run-live"):
             yield self._progress
-            with Horizontal(id="run-moment"):
+            with _Across(id="run-moment"):
                 yield self._values
-                with Vertical(id="run-plots"):
+                with _Down(id="run-plots"):
                     yield self._errors
                     yield self._polar
 
     def show(self, view: View) -> None:
         """Show the newest state."""
-        phase = phase_of(view.state)
+        self._view = view
+        self._cut_of_stop.see(view.state)
+        snapshot = view.state.snapshot
+        if snapshot is not None:
+            self._looks = recent(self._looks, (snapshot.at_s, snapshot.spindle.position))
+        phase = self._phase(view.state)
         self.set_class(phase is Phase.CUTTING, "-live")
-        self.set_class(self.size.height >= LEAST_POLAR_ROWS, "-roomy")
+        roomy = self.size.height >= LEAST_POLAR_ROWS
+        if roomy != self.has_class("-roomy"):
+            self._drawn = None  # a picture that was hidden has missed what was drawn
+        self.set_class(roomy, "-roomy")
+        panels = (self._progress, self._values) if phase is Phase.CUTTING else (self._left, self._right)
+        if self._have_room(panels):
+            self._fill(phase, view)
+
+    def _phase(self, state: StationState) -> Phase:
+        phase = phase_of(state)
+        # The way to the touch-off is no cut, even where the progress of an earlier one is still there.
+        over = phase is Phase.CUTTING and self._cut_of_stop.is_over(state.cut)
+        return Phase.BEFORE if over else phase
+
+    def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
+        """Whether these panels know their size. Where not, they are filled as soon as they were laid out."""
+        if all(panel.size.width >= LEAST_WIDTH for panel in panels):
+            return True
+        for panel in panels:
+            panel.show([])
+        if self.is_attached and not self._waits_for_room:
+            self._waits_for_room = True
+            self.call_after_refresh(self._show_in_room)
+        return False
+
+    def _show_in_room(self) -> None:
+        if self._view is not None:
+            self.show(self._view)
+        self._waits_for_room = False
+
+    def _fill(self, phase: Phase, view: View) -> None:
         cut = view.state.cut
         match phase:
             case Phase.CUTTING if cut is not None:
@@ -133,11 +205,19 @@ class RunPage(Page):
                 self._show_end(cut, view.state)
             case Phase.STOPPED:
                 self._show_stop(view)
+            case Phase.LOST:
+                self._show_lost(view)
             case _:
                 self._show_before(view)
 
     def act(self, action: str) -> None:
-        """Do what a key asks for, or say why not."""
+        """Do what a key asks for, or say why not. What a key that is held down sends again does nothing."""
+        now_s = self.desk.control.now_s()
+        before_s = self._pressed_s.get(action, -math.inf)
+        self._pressed_s[action] = now_s
+        if now_s - before_s < REPEAT_S:
+            self._say("screen.key_repeats")
+            return
         match action:
             case "run.arm":
                 self._arm()
@@ -150,41 +230,54 @@ class RunPage(Page):
 
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
+        if view.state.activity is Activity.LOST:
+            return line((self.desk.text("frame.lost"), Token.ACTION))
         word, token = self._next_word(view)
         armed = view.state.armed
         left_s = 0 if armed is None else max(math.ceil(armed.until_s - view.now_s), 0)
         return line((self.desk.text(f"run_page.next.{word}", left=left_s), token))
 
     def _next_word(self, view: View) -> tuple[str, Token]:
-        state, machine = view.state, self.desk.machine.machine
-        phase = phase_of(state)
+        state = view.state
+        phase = self._phase(state)
         if phase is Phase.STOPPED:
             proven = state.stop is not None and state.stop.rest_s is not None
             return "stopped" if proven else "stopping", Token.ACTION
         if phase is Phase.CUTTING and state.cut is not None:
-            if state.cut.stage is CutStage.POSITION:
-                return "positioning", Token.STRONG
-            return ("holding" if state.cut.holding else "cutting"), Token.STRONG
+            return _stage_word(state.cut), Token.STRONG
         if state.armed is not None:
             return "armed", Token.ACTION
         if state.activity is not Activity.READY:
             return "wait", Token.DIM
         if phase is Phase.ENDED and state.cut_done:
             return ("measure" if state.simulated else "take_out"), Token.ACTION
-        if _left_inside(state) and view.work is not None and may_be_in_part(state, view.work.job, machine):
+        if _left(state) and self._in_part(state) is not False:
             closed = state.snapshot is not None and state.snapshot.loops_closed
             return ("retract" if closed else "switch_on"), Token.ACTION
+        return self._missing_word(view), Token.ACTION
+
+    def _missing_word(self, view: View) -> str:
         if view.work is None:
-            return "no_job", Token.ACTION
-        failed = [check.name for check in checks(state, view.work, machine) if check.problems]
+            return "no_job"
+        found = checks(view.state, view.work, self.desk.machine.machine)
+        failed = [check.name for check in found if check.problems]
         if not failed:
-            return "arm", Token.ACTION
-        return ("set_up" if failed[0] == "job" else "align"), Token.ACTION
+            return "arm"
+        return "set_up" if failed[0] == "job" else "align"
+
+    def _in_part(self, state: StationState) -> bool | None:
+        """Whether the tool stands in or at the part that is clamped, None where that is not known."""
+        if state.snapshot is None:
+            return None
+        return tool_in_part(state.snapshot, self.desk.machine.machine, state.alignment)
 
     def _arm(self) -> None:
         state, work = self.desk.control.state, self.desk.work
         if state.armed is not None:
             self.desk.control.post(Disarm())
+            return
+        if state.activity is Activity.LOST:
+            self._say("screen.nothing_known")
             return
         reasons = failing(checks(state, work, self.desk.machine.machine))
         if reasons:
@@ -215,28 +308,32 @@ class RunPage(Page):
             self.desk.control.post(Hold())
 
     def _retract(self) -> None:
-        state, work = self.desk.control.state, self.desk.work
-        job = None if work is None else work.job
-        if state.stop is not None:
-            self._say("screen.stopped_first", key="F8")
-        elif state.snapshot is None:
+        state = self.desk.control.state
+        if state.activity is Activity.LOST or state.snapshot is None:
             self._say("screen.nothing_known")
+        elif state.stop is not None:
+            self._say("screen.stopped_first", key="F8")
         elif state.moving:
             self._say("screen.in_motion")
         elif state.activity is not Activity.READY:
             self._say("screen.busy")
-        elif not may_be_in_part(state, job, self.desk.machine.machine):
-            self._say("screen.tool_is_out")
         elif not state.snapshot.loops_closed:
-            self._say("machine.retract_not_possible")
+            # Nothing holds the tool: it may not be called out, wherever it is seen.
+            inside = self._in_part(state) is not False
+            self._say("machine.retract_not_possible" if inside else "alignment.drives_off")
+        elif self._in_part(state) is False:
+            self._say("screen.tool_is_out")
         else:
             self.desk.control.post(Retract())
 
     def _show_before(self, view: View) -> None:
         text, state, work = self.desk.text, view.state, view.work
-        size = self._left.size
-        found = checks(state, work, self.desk.machine.machine)
-        self._left.show(check_lines(text, found, size.width, size.height))
+        machine, size = self.desk.machine.machine, self._left.size
+        found = checks(state, work, machine)
+        moves: list[Line] = []
+        if state.armed is not None:
+            moves = [*moves_lines(text, state.armed, machine, size.width), BLANK]
+        self._left.show([*moves, *check_lines(text, found, size.width, size.height - len(moves))])
         width = self._right.size.width
         if work is None:
             self._right.show(wrapped(text("run_page.no_job"), width))
@@ -263,7 +360,8 @@ class RunPage(Page):
         angles_deg, errors_um = mean_error_um(cut)
         # A tool that stands too far in leaves too small a radius.
         trace = PolarTrace(angle_deg=angles_deg, deviation_um=-errors_um, token=Token.AFTER)
-        self._polar.show([trace], marks=[] if jaw is None else [Mark(angle_deg=jaw.angle_deg, label="1")])
+        traces = [trace] if cut.judged else []
+        self._polar.show(traces, marks=[] if jaw is None else [Mark(angle_deg=jaw.angle_deg, label="1")])
         title = self.desk.text("run_page.polar", scale=f"{self._polar.scale_um_per_division:g}")
         if self._polar.border_title != title:
             self._polar.border_title = title
@@ -275,19 +373,28 @@ class RunPage(Page):
         self._titled(text("run_page.figures"), text("run_page.what_next"))
 
     def _show_stop(self, view: View) -> None:
-        text, stop = self.desk.text, view.state.stop
-        if stop is None:
+        text, state = self.desk.text, view.state
+        if state.stop is None:
             return
-        width = min(self._left.size.width, WIDEST_FACT)
-        what = wrapped(remedy(text, stop), width, Token.STRONG)
-        self._left.show([*stop_lines(text, stop, width), BLANK, *what])
-        width = min(self._right.size.width, WIDEST_FACT)
-        cut, job = view.state.cut, None if view.work is None else view.work.job
-        if cut is None or cut.stage in ENDED:
-            self._right.show([line(dim(text("run_page.no_cut")))])
+        rpm = turning_rpm(self._looks, self.desk.machine.machine.spindle.counts_per_rev)
+        self._left.show(stop_lines(text, state.stop, rpm, min(self._left.size.width, WIDEST_FACT)))
+        width, cut = min(self._right.size.width, WIDEST_FACT), self._cut_of_stop.of(state)
+        if cut is None:
+            self._right.show([spindle_line(text, rpm, width), BLANK, *wrapped(text("run_page.no_cut"), width)])
+            self._titled(text("run_page.stopped"), text("run_page.values"))
         else:
-            self._right.show(live_lines(text, cut, job, width))
-        self._titled(text("run_page.stopped"), text("run_page.last_values"))
+            self._right.show(live_lines(text, cut, None if view.work is None else view.work.job, width))
+            self._titled(text("run_page.stopped"), text("run_page.last_values"))
+
+    def _show_lost(self, view: View) -> None:
+        text, state = self.desk.text, view.state
+        self._left.show(lost_lines(text, state, view.now_s, min(self._left.size.width, WIDEST_FACT)))
+        width, cut = min(self._right.size.width, WIDEST_FACT), self._cut_of_stop.of(state)
+        job = None if view.work is None else view.work.job
+        self._right.show([line(dim(NOTHING))] if cut is None else stale(live_lines(text, cut, job, width)))
+        age = f"{max(view.now_s - state.looked_s, 0.0):.0f}"
+        right = text("run_page.values") if cut is None else text("run_page.old_values", age=age)
+        self._titled(text("run_page.lost.title"), right)
 
     def _titled(self, left: str, right: str) -> None:
         for sheet, title in ((self._left, left), (self._right, right)):
@@ -298,6 +405,20 @@ class RunPage(Page):
         self.desk.said = (Problem(code=code, key=key),)
 
 
-def _left_inside(state: StationState) -> bool:
-    """Whether a cut was left before its end, so that the tool may stand in the part."""
-    return state.cut is not None and state.cut.stage not in ENDED
+def _left(state: StationState) -> bool:
+    """Whether a cut was left while the tool was in the part that is clamped, or on its way out."""
+    return state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
+
+
+def _stage_word(cut: CutProgress) -> str:
+    match cut.stage:
+        case CutStage.POSITION:
+            return "positioning"
+        case CutStage.RETRACT:
+            return "retracting"
+        case _ if cut.holding:
+            return "holding"
+        case CutStage.RUN_UP:
+            return "run_up"
+        case _:
+            return "cutting"

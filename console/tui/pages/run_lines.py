@@ -6,24 +6,22 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from console.session.alignment import aligned_machine, problems
+from console.session.alignment import Alignment, aligned_job, aligned_machine, problems
 from console.session.interlocks import of_job
 from console.session.jogging import tool_radius_mm
 from console.session.progress import CutProgress, CutStage
-from console.session.state import Armed, StationState, StopState
+from console.session.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fact, line, wrapped
 from console.tui.pages.align_lines import clipped
+from console.tui.pages.cut_lines import NOTHING
 from console.tui.theme import Token
 from drivers.cut import Strategy
-from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 LABEL_WIDTH = 13
-OUT_BAND_MM = 0.01
-"""How much less than the retract distance still counts as out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,12 +57,15 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
 
 
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Check]:
-    if work is None:
+    """The conditions of the job: of the one that is armed, else of the one in hand."""
+    in_hand = None if work is None else work.job
+    job = in_hand if state.armed is None else state.armed.job
+    if job is None:
         yield Check(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
         return
-    fits = of_job(work.job, aligned_machine(machine, state.alignment))
+    fits = of_job(job, aligned_machine(machine, state.alignment))
     yield Check(name="job", problems=fits.problems)
-    yield Check(name="aligned", problems=problems(state.alignment, work.job))
+    yield Check(name="aligned", problems=problems(state.alignment, job))
 
 
 def failing(found: tuple[Check, ...]) -> tuple[Problem, ...]:
@@ -90,13 +91,14 @@ def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: i
 
 
 def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float, width: int) -> list[Line]:
-    """Return what will be cut and what it rests on; when it is armed also what moves first, and until when."""
-    job, armed = work.job if state.armed is None else state.armed.job, state.armed
-    stamps = state.alignment
+    """Return what will be cut and what it rests on; when it is armed what was armed, and until when."""
+    armed = state.armed
+    job = work.job if armed is None else armed.job
     strategy = Strategy(work.strategy) if armed is None else armed.strategy
+    stamps = state.alignment if armed is None else armed.alignment
     pairs = [
         ("job", job.name),
-        ("revision", f"{work.loaded.sha256[:6]}{text('run_page.edited') if work.edited else ''}"),
+        ("revision", _revision(text, work, armed)),
         ("force", f"{job.chucking_force_n:.0f} N"),
         ("confirmed", text("run_page.not_yet") if stamps.clamping is None else stamps.clamping.at),
         ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
@@ -107,26 +109,39 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
             "jaw",
             text("run_page.not_yet") if stamps.jaw is None else f"{stamps.jaw.angle_deg:.2f} °  {stamps.jaw.at}",
         ),
-        ("touch_off", text("run_page.not_yet") if stamps.touch_off is None else _touched(state)),
+        ("touch_off", _touched(text, stamps)),
     ]
     facts = [fact(text(f"run_page.sum.{key}"), value, width, label_width=LABEL_WIDTH) for key, value in pairs]
-    if armed is None:
-        return facts
-    return [*_armed_head(text, armed, now_s, width), *facts, *_first_moves(text, armed, width)]
+    return facts if armed is None else [*_armed_head(text, armed, now_s, width), *facts]
 
 
-def _touched(state: StationState) -> str:
-    touched = state.alignment.touch_off
-    return "" if touched is None else f"R {touched.zero_radius_mm:.3f} mm  {touched.at}"
+def _revision(text: Catalogue, work: Work, armed: Armed | None) -> str:
+    """Which file is meant. What was armed need not be the job in hand, whose file alone is known."""
+    if armed is not None and armed.job != aligned_job(work.job, armed.alignment):
+        return NOTHING
+    return f"{work.loaded.sha256[:6]}{text('run_page.edited') if work.edited else ''}"
+
+
+def _touched(text: Catalogue, stamps: Alignment) -> str:
+    touched = stamps.touch_off
+    return text("run_page.not_yet") if touched is None else f"R {touched.zero_radius_mm:.3f} mm  {touched.at}"
 
 
 def _armed_head(text: Catalogue, armed: Armed, now_s: float, width: int) -> list[Line]:
     left_s = max(math.ceil(armed.until_s - now_s), 0)
-    return [line((row[0][0], Token.ACTION)) for row in wrapped(text("run_page.armed", left=left_s), width)]
+    return wrapped(text("run_page.armed", left=left_s), width, Token.ACTION)
 
 
-def _first_moves(text: Catalogue, armed: Armed, width: int) -> list[Line]:
-    words = text("run_page.moves_first", duration=f"{armed.plan.duration_s:.0f}")
+def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: int) -> list[Line]:
+    """Return what moves when the armed cut is started, in its order. `machine` is the nominal profile."""
+    plan = armed.plan
+    words = text(
+        "run_page.moves_first",
+        z=f"{plan.carriage_start / machine.carriage.counts_per_mm:.1f}",
+        radius=f"{tool_radius_mm(plan.tool_start, machine, armed.alignment):.3f}",
+        speed=f"{plan.spindle_speed_rpm:.0f}",
+        duration=f"{plan.duration_s:.0f}",
+    )
     return wrapped(words, width, Token.STRONG)
 
 
@@ -142,12 +157,13 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     return [
         *rows,
         _fact(text, "speed", f"{figures.spindle_speed_rpm:.1f} rpm", width),
-        _fact(text, "error_peak", f"{figures.tool_error_um:.2f} um", width),
-        _fact(text, "error_rms", f"{figures.tool_error_rms_um:.2f} um", width),
+        _fact(text, "error_peak", f"{figures.tool_error_um:.2f} um" if cut.judged else NOTHING, width),
+        _fact(text, "error_rms", f"{figures.tool_error_rms_um:.2f} um" if cut.judged else NOTHING, width),
         _fact(text, "following_peak", f"{figures.following_error_um:.2f} um", width),
         _fact(text, "following_rms", f"{figures.following_error_rms_um:.2f} um", width),
         _fact(text, "samples", f"{figures.samples}", width),
         BLANK,
+        *([] if cut.judged else wrapped(text("run_page.not_judged"), width, Token.DIM)),
         *wrapped(text("run_page.by_controller"), width, Token.DIM),
     ]
 
@@ -159,55 +175,6 @@ def after_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
     if state.cut_done:
         return wrapped(text("run_page.after_cut") if state.simulated else text("run_page.after_real_cut"), width)
     return wrapped(text("run_page.after_measured"), width)
-
-
-def stop_lines(text: Catalogue, stop: StopState, width: int) -> list[Line]:
-    """Return how a stop ended."""
-    rest = text("run_page.rest_unproven")
-    if stop.rest_s is not None:
-        rest = f"{stop.rest_s - stop.sent_s:.1f} s"
-    how = text("run_page.stop.kill") if stop.killed else text("run_page.stop.ramp")
-    drives = text("run_page.drives_closed") if stop.can_retract else text("run_page.drives_open")
-    rows = [
-        fact(text("run_page.stop.by"), how, width, label_width=LABEL_WIDTH),
-        fact(
-            text("run_page.stop.rest"),
-            rest,
-            width,
-            label_width=LABEL_WIDTH,
-            token=Token.TEXT if stop.rest_s is not None else Token.WARNING,
-        ),
-    ]
-    if stop.rest_s is not None:
-        token = Token.TEXT if stop.tool_in_part is False else Token.WARNING
-        rows.append(
-            fact(text("run_page.stop.tool"), _tool(text, stop), width, label_width=LABEL_WIDTH, token=token)
-        )
-        rows.append(fact(text("run_page.stop.drives"), drives, width, label_width=LABEL_WIDTH))
-    return rows
-
-
-def _tool(text: Catalogue, stop: StopState) -> str:
-    if stop.tool_in_part is None:
-        return text("run_page.tool_unknown")
-    return "! " + text("run_page.tool_in_part") if stop.tool_in_part else text("run_page.tool_out")
-
-
-def remedy(text: Catalogue, stop: StopState) -> str:
-    """Return what to do after a stop, in order."""
-    if stop.rest_s is None:
-        return text("run_page.remedy.wait")
-    if stop.tool_in_part is False:
-        return text("run_page.remedy.clear")
-    return text("run_page.remedy.retract") if stop.can_retract else text("run_page.remedy.by_hand")
-
-
-def may_be_in_part(state: StationState, job: Job | None, machine: MachineProfile) -> bool:
-    """Whether the tool stands nearer to the axis than where a retract takes it; True while that is not known."""
-    if job is None or state.snapshot is None or not state.snapshot.homed:
-        return True
-    radius_mm = tool_radius_mm(state.snapshot.tool.position, machine, state.alignment)
-    return radius_mm < job.radius_mm + machine.tool.retract_mm - OUT_BAND_MM
 
 
 def _fact(text: Catalogue, key: str, value: str, width: int) -> Line:

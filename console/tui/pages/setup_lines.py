@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rich.cells import cell_len
+
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fact, fitted, line, width_of, wrapped
@@ -105,8 +107,18 @@ def finding_lines(findings: Sequence[Finding], text: Catalogue, width: int, heig
         lines = [*lines[: max(room - 1, 0)], line(("… " + more, Token.WARNING))]
     hold = text("setup.hold", count=len(held), total=len(findings))
     lines.append(line(("✓ ", Token.OK), hold))
-    names = (text(f"name.{finding.problem.code}") for finding in held)
-    return [*lines, *((dim(fitted("  " + name, width)),) for name in names)][: max(height, 0)]
+    names = [text(f"name.{finding.problem.code}") for finding in held]
+    return [*lines, *((dim(fitted("  " + name, width)),) for name in _as_fit(names, height - len(lines), text))][
+        : max(height, 0)
+    ]
+
+
+def _as_fit(names: list[str], rows: int, text: Catalogue) -> list[str]:
+    """Return the names for which there is room; the last row says how many are left out."""
+    if len(names) <= rows:
+        return names
+    kept = names[: max(rows - 1, 0)]
+    return [*kept, text("setup.more_hold", count=len(names) - len(kept))]
 
 
 def draft(state: FormState) -> Job:
@@ -181,9 +193,9 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
         return [(*_name_label(text), (brackets, Token.TEXT)), *_naming_words(state, text, width)[:1]]
     if state.typed is not None and state.judged and state.judged.problems:
         words = text.problem(named(state.judged.problems[0], text))
-        return [line(*pieces) for pieces in wrapped(words, width, Token.WARNING)][:FOOT_ROWS]
+        return _shortened(wrapped(words, width, Token.WARNING), width)
     if state.locked is not None:
-        return wrapped("! " + text.problem(state.locked), width, Token.WARNING)[:FOOT_ROWS]
+        return _shortened(wrapped("! " + text.problem(state.locked), width, Token.WARNING), width)
     rule, field, work = state.field.rule, state.field, state.work
     allowed = text("setup.allowed", limit=rule.limit) if field.numeric else text("setup.allowed_text")
     notes = []
@@ -194,6 +206,17 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
     elif field.key in work.job.assumed:
         notes.append(text("setup.assumed_long"))
     return [(dim(fitted(words, width)),) for words in (allowed, *notes)]
+
+
+def _shortened(lines: list[Line], width: int) -> list[Line]:
+    """Return what fits under the form; a sentence that goes on says so."""
+    kept = lines[:FOOT_ROWS]
+    if len(lines) > FOOT_ROWS:
+        (words, token) = kept[-1][0]
+        # A number that is cut would be read as another one: words stay whole.
+        whole = words if cell_len(words) + 2 <= width else words.rpartition(" ")[0]
+        kept[-1] = ((whole + " …", token),)
+    return kept
 
 
 def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line]:

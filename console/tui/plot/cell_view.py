@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from textual.events import Resize
 from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
@@ -45,8 +44,8 @@ class CellView(Widget):
 
     def redraw(self) -> None:
         """Draw again and have the changed spans sent; everything after a change of size."""
-        old, new = self._cells, self.draw(max(self.size.width, 1), max(self.size.height, 1))
-        self._cells = new
+        old = self._cells
+        self._cells = new = self.draw(*self._room)
         if (old.columns, old.rows) != (new.columns, new.rows):
             self.refresh()
             return
@@ -54,13 +53,15 @@ class CellView(Widget):
         if spans:
             self.refresh(*(Region(span.start, span.row, span.end - span.start, 1) for span in spans))
 
-    def on_resize(self, event: Resize) -> None:
-        """Fill the new size with the last data."""
-        self.redraw()
-
     def render_line(self, y: int) -> Strip:
-        """Return one line; during a change of size blanks stand in for cells that are not drawn yet."""
+        """Return one line; the last data are drawn here for a size for which nobody has drawn them yet."""
+        if (self._cells.columns, self._cells.rows) != self._room:
+            self._cells = self.draw(*self._room)
         width = self.size.width
         if not 0 <= y < self._cells.rows:
             return Strip.blank(width, self._blank)
         return self._brush.strip(self._cells, y).adjust_cell_length(width, self._blank)
+
+    @property
+    def _room(self) -> tuple[int, int]:
+        return max(self.size.width, 1), max(self.size.height, 1)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from console.tui.plot.canvas import DOTS_ACROSS, DOTS_DOWN, BrailleCanvas, Dash, Floats, Glyphs
 from console.tui.plot.cell_view import CellView
+from console.tui.plot.frame import FRAMES_KEPT
 from console.tui.plot.scale import step_125
 from console.tui.plot.spans import Cells
 from console.tui.theme import Token
@@ -25,6 +28,9 @@ _LEAST_UM_PER_DIVISION = 0.1
 """A part is not shown rounder than it can be measured."""
 _TICK_DOTS = 3.0
 _BEFORE_DASH = Dash(on=2, off=3)
+OFF_THE_DOTS_DEG = 0.37
+"""Points of a ring at round angles fall on the edges between dots, where the last bit of a cosine decides."""
+
 _RING_DASH = Dash(on=1, off=1)
 _DIVISION_DASH = Dash(on=1, off=5)
 _RING_LAYER, _MARK_LAYER, _FIRST_TRACE_LAYER = 0, 1, 2
@@ -103,9 +109,8 @@ def polar_cells(
 ) -> Cells:
     """Return rings, traces and marks for a size in cells; a later trace lies over an earlier one."""
     cells = Cells.blank(columns, rows)
-    canvas = BrailleCanvas(columns, rows, glyphs)
+    canvas = deepcopy(_rings(columns, rows, glyphs))
     place = dial(columns, rows)
-    _rings(canvas, place)
     for mark in marks:
         tick = np.array([max(place.rim - _TICK_DOTS, 0.0), place.rim])
         canvas.polyline(*place.spot(mark.angle_deg, tick), _MARK_LAYER)
@@ -120,8 +125,11 @@ def polar_cells(
     return cells
 
 
-def _rings(canvas: BrailleCanvas, place: Dial) -> None:
-    circle_deg = np.arange(361.0)
+@lru_cache(maxsize=FRAMES_KEPT)
+def _rings(columns: int, rows: int, glyphs: Glyphs) -> BrailleCanvas:
+    """Return what does not change with the data; not to be drawn on."""
+    canvas, place = BrailleCanvas(columns, rows, glyphs), dial(columns, rows)
+    circle_deg = np.arange(361.0) + OFF_THE_DOTS_DEG
     canvas.polyline(*place.spot(circle_deg, np.full(361, place.reference)), _RING_LAYER, _RING_DASH)
     if place.division >= _LEAST_DOTS_PER_DIVISION:
         for radius in (place.reference - place.division, place.reference + place.division):
@@ -129,6 +137,7 @@ def _rings(canvas: BrailleCanvas, place: Dial) -> None:
     for angle_deg in (0.0, 90.0):
         arm = min(_LEAST_DOTS_PER_DIVISION / 2.0, place.reference / 3.0)
         canvas.polyline(*place.spot(angle_deg, np.array([-arm, arm])), _RING_LAYER)
+    return canvas
 
 
 def _label(cells: Cells, place: Dial, mark: Mark) -> None:

@@ -1,0 +1,40 @@
+"""Where the tool tip is against the blank that is in the chuck: one rule for orders, pages and stops.
+
+By what the controller reports, the touch-off and the clamping, never by the job that happens to be on the screen.
+"""
+
+from __future__ import annotations
+
+from console.session.alignment import Alignment, aligned_machine
+from drivers.snapshot import Snapshot
+from profiles.machine import MachineProfile
+
+CLEAR_MM = 0.2
+"""Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
+
+
+def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:
+    """Return the radial way from the tip to the surface of the clamped blank, negative inside.
+
+    None where it is not known: nothing is clamped, or the axes have no zero.
+    """
+    if alignment.clamping is None or not snapshot.homed:
+        return None
+    tool = aligned_machine(machine, alignment).tool
+    radius_mm = tool.home_radius_mm - snapshot.tool.position / tool.counts_per_mm
+    return radius_mm - 0.5 * alignment.clamping.diameter_mm
+
+
+def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> bool | None:
+    """Return whether the tip is over the clamped blank and not clear of it; None where that is not known."""
+    gap_mm = tool_gap_mm(snapshot, machine, alignment)
+    if gap_mm is None or alignment.clamping is None:
+        return None
+    return gap_mm < CLEAR_MM and over_part(snapshot, machine, alignment.clamping.overhang_mm)
+
+
+def over_part(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> bool:
+    """Return whether any of the tool's flat is between the face of a part and the jaws."""
+    carriage = machine.carriage
+    tip_mm = snapshot.carriage.position / carriage.counts_per_mm + 0.5 * machine.tool.wiper_land_mm
+    return tip_mm > carriage.jaw_face_mm - overhang_mm

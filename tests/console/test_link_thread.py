@@ -1,0 +1,224 @@
+"""The thread behind the screen: no stop is lost, whenever it comes, and the machine is left at rest."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from console.session.intents import Acknowledge, Home, Intent, SwitchOn
+from console.session.link_thread import LinkThread, Opened
+from console.session.state import Activity, StationState
+from drivers.errors import LinkError
+from profiles.problem import Problem
+from tests.console.floor import Floor, open_floor
+
+SOON_S = 10.0
+
+
+def opened(floor: Floor, close: Callable[[], None] = lambda: None) -> Opened:
+    return Opened(station=floor.station, stop=floor.stop, close=close)
+
+
+def thread(open_machine: Callable[[], Opened]) -> LinkThread:
+    return LinkThread("a lathe", True, open_machine)
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Wait for the other thread."""
+    pause = threading.Event()
+    for _ in range(int(SOON_S / 0.005)):
+        if condition():
+            return
+        pause.wait(0.005)
+    raise AssertionError("it did not come")
+
+
+@pytest.fixture
+def floor(tmp_path: Path) -> Floor:
+    return open_floor(tmp_path)
+
+
+@pytest.fixture
+def link(floor: Floor) -> Iterator[LinkThread]:
+    """Connected to the machine, and ready."""
+    connected = thread(lambda: opened(floor))
+    connected.start()
+    connected.open()
+    wait_until(lambda: connected.state.activity is Activity.READY)
+    yield connected
+    connected.end("over")
+    assert connected.join(SOON_S)
+
+
+def ordered(link: LinkThread, intent: Intent) -> None:
+    """Order something; the machine may still be at its last look."""
+    wait_until(lambda: link.post(intent))
+
+
+@pytest.mark.parametrize("act", [LinkThread.stop, LinkThread.kill])
+def test_a_stop_before_the_machine_is_there_is_the_first_thing_it_gets(
+    act: Callable[[LinkThread, str], None], floor: Floor
+) -> None:
+    go = threading.Event()
+
+    def open_slowly() -> Opened:
+        assert go.wait(SOON_S)
+        return opened(floor)
+
+    link = thread(open_slowly)
+    link.start()
+    link.open()
+    act(link, "space")
+    go.set()
+    wait_until(lambda: link.state.activity is Activity.STOPPED)
+    state = link.state
+    assert state.stop is not None and state.stop.reason == "space" and state.stop.rest_s is not None
+    assert not link.post(SwitchOn())
+    assert not floor.lathe.has_moved
+    link.end("over")
+    assert link.join(SOON_S) and link.rested
+
+
+def test_an_order_before_the_machine_is_there_is_refused() -> None:
+    link = thread(lambda: pytest.fail("opened without being asked"))
+    assert not link.post(SwitchOn())
+    link.start()
+    assert not link.post(Acknowledge())
+    assert link.state.activity is Activity.CONNECTING
+    link.end("over")
+    assert link.join(SOON_S) and link.rested
+
+
+def test_the_end_stops_what_moves_and_leaves_the_drives_off(link: LinkThread, floor: Floor) -> None:
+    ordered(link, SwitchOn())
+    wait_until(lambda: link.state.activity is Activity.READY and link.state.alignment.drives_on)
+    seen: list[StationState] = []
+
+    def end() -> None:
+        seen.append(link.state)
+        link.end("SIGTERM")
+
+    floor.when(lambda snapshot: not snapshot.at_rest, end)
+    ordered(link, Home())
+    assert link.join(SOON_S) and link.rested
+    assert seen[0].moving
+    stop = link.state.stop
+    assert stop is not None and stop.reason == "SIGTERM" and stop.killed and stop.rest_s is not None
+    snapshot = floor.lathe.snapshot()
+    assert snapshot.at_rest and snapshot.loops_open and not snapshot.homed
+
+
+def test_an_end_between_an_order_and_its_beginning_lets_nothing_move(floor: Floor) -> None:
+    """A signal may come when the order is taken and the activity is still that of rest."""
+    link = LinkThread("a lathe", True, lambda: opened(floor), give_up=lambda _: None)
+    link.start()
+    link.open()
+    wait_until(lambda: link.state.activity is Activity.READY)
+    step = floor.station.step
+
+    def late_step() -> None:
+        if floor.station.post(SwitchOn()):
+            link.end("SIGTERM", must_leave=True)
+        step()
+
+    floor.station.step = late_step  # type: ignore[method-assign]
+    assert link.join(SOON_S) and link.rested
+    assert floor.lathe.snapshot().loops_open
+    assert not floor.lathe.has_moved
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        (LinkError(Problem(code="simulator.not_started", value="no room")), "simulator.not_started"),
+        (RuntimeError("something else"), "session.fault"),
+    ],
+)
+def test_a_machine_that_cannot_be_opened_says_why(fault: Exception, code: str) -> None:
+    def fail() -> Opened:
+        raise fault
+
+    link = thread(fail)
+    link.start()
+    link.open()
+    wait_until(lambda: link.state.activity is Activity.LOST)
+    assert [alarm.problem.code for alarm in link.state.alarms] == [code]
+    assert link.state.machine == "a lathe"
+    assert not link.post(SwitchOn())
+    link.stop("space")
+    link.end("quit")
+    # Nothing was opened, so nothing moves because of it.
+    assert link.join(SOON_S) and link.rested
+
+
+def test_a_link_that_is_lost_in_motion_is_not_left_as_if_at_rest(link: LinkThread, floor: Floor) -> None:
+    ordered(link, SwitchOn())
+    wait_until(lambda: link.state.activity is Activity.READY and link.state.alignment.drives_on)
+
+    def cut_the_cable() -> None:
+        def gone(*_: object) -> bytes:
+            raise LinkError(Problem(code="link.lost", value="unplugged"))
+
+        floor.link.send = floor.link.send_urgent = floor.link.receive = gone  # type: ignore[assignment,method-assign]
+
+    floor.when(lambda snapshot: not snapshot.at_rest, cut_the_cable)
+    ordered(link, Home())
+    wait_until(lambda: link.state.activity is Activity.LOST)
+    link.end("quit")
+    assert link.join(SOON_S) and not link.rested
+
+
+def test_a_fault_of_the_thread_itself_stops_the_machine_and_is_told(floor: Floor) -> None:
+    closed: list[str | None] = []
+    link = thread(lambda: opened(floor, lambda: closed.append(floor.stop.reason)))
+
+    def broken() -> None:
+        raise ZeroDivisionError("oops")
+
+    floor.station.step = broken  # type: ignore[method-assign]
+    link.start()
+    link.open()
+    wait_until(lambda: link.state.activity is Activity.LOST)
+    # The stop went out before the link was closed.
+    assert closed == ["fault"] and floor.stop.killed
+    assert "session.fault" in [alarm.problem.code for alarm in link.state.alarms]
+    link.end("quit")
+    assert link.join(SOON_S) and not link.rested
+
+
+def test_a_screen_that_cannot_leave_does_not_keep_the_process(floor: Floor) -> None:
+    given_up: list[int] = []
+    link = LinkThread("a lathe", True, lambda: opened(floor), leave_s=0.01, give_up=given_up.append)
+    link.start()
+    link.open()
+    wait_until(lambda: link.state.activity is Activity.READY)
+    link.end("quit")
+    assert link.join(SOON_S) and link.rested
+    # The operator leaves: the screen may take its time. A signal comes: it may not.
+    assert given_up == []
+    link.end("SIGHUP", must_leave=True)
+    wait_until(lambda: given_up == [1])
+
+
+def test_a_signal_in_the_midst_of_a_call_does_not_wait_for_itself(link: LinkThread) -> None:
+    """A handler runs in the middle of whatever the main thread does with the link."""
+    handled: list[int] = []
+
+    def handle(number: int, _: object) -> None:
+        handled.append(number)
+        link.stop("SIGALRM")
+
+    before = signal.signal(signal.SIGALRM, handle)
+    signal.setitimer(signal.ITIMER_REAL, 0.0005, 0.0005)
+    try:
+        while len(handled) < 200:
+            link.post(Acknowledge())
+            link.beat()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    wait_until(lambda: link.state.stop is not None)

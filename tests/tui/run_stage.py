@@ -1,0 +1,198 @@
+"""What the page Run is shown in its tests: looks at the machine, cuts and stops, and what comes of them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff
+from console.session.intents import Intent
+from console.session.progress import CutProgress, CutStage
+from console.session.state import Activity, StationState, StopState
+from console.session.telemetry import CutFigures
+from console.session.work import Work
+from console.tui.desk import View
+from console.tui.pages.run import RunPage
+from drivers.snapshot import AxisState, Snapshot
+from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
+
+ON = frozenset({"desired_velocity_zero", "in_position", "amplifier_enabled", "home_complete"})
+OFF = frozenset({"desired_velocity_zero", "in_position", "open_loop", "home_complete"})
+VALID = Alignment(
+    settings=(),
+    drives_on=True,
+    homed=True,
+    clamping=Clamping(force_n=1314.0, diameter_mm=52.0, overhang_mm=30.0, at="08:40"),
+    jaw=JawAngle(angle_deg=12.6, at="08:45"),
+    touch_off=TouchOff(zero_radius_mm=76.0, at="08:46"),
+)
+SURFACE_COUNTS = 250_000.0
+"""50 mm in from a zero at 76 mm: the radius of the part, 26 mm."""
+
+FIGURES = CutFigures(
+    spindle_speed_rpm=1000.04,
+    tool_error_um=1.41,
+    tool_error_rms_um=0.44,
+    following_error_um=14.12,
+    following_error_rms_um=9.02,
+    samples=340,
+)
+
+
+OVER_PART_COUNTS = 171_000.0
+"""1 mm behind the face of a part that stands out 30 mm from the jaws at 200 mm."""
+
+
+def look(
+    flags: frozenset[str] = ON,
+    *,
+    tool: float = 240_000.0,
+    carriage: float = OVER_PART_COUNTS,
+    spindle: float = 350.0,
+    at_s: float = 100.0,
+    running: bool = False,
+) -> Snapshot:
+    def axis(position: float) -> AxisState:
+        return AxisState(position=position, following_error=0.0, flags=flags)
+
+    return Snapshot(
+        at_s=at_s,
+        tool=axis(tool),
+        spindle=axis(spindle),
+        carriage=axis(carriage),
+        program_running=running,
+        runtime_error=False,
+    )
+
+
+def state(alignment: Alignment = VALID, **changes: Any) -> StationState:
+    known: dict[str, Any] = {"activity": Activity.READY, "looked_s": 100.0, "snapshot": look()}
+    return StationState(alignment=alignment, **{**known, **changes})
+
+
+def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
+    angles_deg = np.arange(0.0, 200.0 * 137.0, 137.0) % 360.0
+    known: dict[str, Any] = {
+        "stage": stage,
+        "holding": False,
+        "turn": 83.0,
+        "turns": 160.0,
+        "z_mm": 4.2,
+        "length_mm": 8.0,
+        "left_s": 4.6,
+        "speed_rpm": 1000.3,
+        "tool_radius_mm": 25.9271,
+        "infeed_um": 72.9,
+        "wanted_um": 73.5,
+        "tool_error_um": -0.6,
+        "tool_error_peak_um": 1.4,
+        "following_error_um": 12.3,
+        "phase_error_deg": 0.08,
+        "angles_deg": angles_deg,
+        "errors_um": 0.5 * np.sin(np.radians(3.0 * angles_deg)),
+    }
+    return CutProgress(**{**known, **changes})
+
+
+def cutting(**changes: Any) -> StationState:
+    return state(activity=Activity.CUTTING, snapshot=look(running=True), cut=cut(**changes))
+
+
+def stopped(**changes: Any) -> StationState:
+    known: dict[str, Any] = {"reason": "space", "killed": False, "sent_s": 98.0, "rest_s": 99.3}
+    return state(activity=Activity.STOPPED, cut=cut(), stop=StopState(**{**known, **changes}))
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What came of some keys."""
+
+    text: str
+    next_step: str
+    orders: Sequence[Intent]
+    said: Sequence[str]
+
+    @property
+    def words(self) -> str:
+        """The text of the left panels, then that of the right ones, without line breaks and frames."""
+        rows = [row.strip("│").partition("││") for row in self.text.splitlines()]
+        return " ".join(" ".join([row[0] for row in rows] + [row[2] for row in rows]).split())
+
+
+def shown(
+    now: StationState,
+    *actions: str,
+    size: tuple[int, int] = (80, 24),
+    language: str = "en",
+    work: Work | None = None,
+    no_job: bool = False,
+) -> Shown:
+    control = FixedControl(now)
+    job = None if no_job else work or experiment()
+    desk = desk_for(control, Path("/nowhere"), language, job)
+    page = RunPage(desk)
+    view = View(state=now, work=job, now_s=100.0)
+
+    async def run() -> str:
+        app = PageStage(page, view)
+        async with app.run_test(size=(size[0], size[1] - FRAME_ROWS)) as pilot:
+            await pilot.pause()
+            for action in actions:
+                page.act(action)
+            for _ in range(2):
+                page.show(view)
+                await pilot.pause()
+            return grid(app)
+
+    text = asyncio.run(run())
+    return Shown(
+        text=text,
+        next_step="".join(words for words, _ in page.next_step(view)),
+        orders=control.orders,
+        said=[problem.code for problem in desk.said],
+    )
+
+
+STATES = {
+    "nothing known": StationState(),
+    "ready": state(),
+    "not aligned": state(Alignment()),
+    "cutting": cutting(),
+    "nothing seen yet": cutting(
+        stage=CutStage.POSITION, phase_error_deg=None, angles_deg=np.empty(0), errors_um=np.empty(0)
+    ),
+    "done": state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True),
+    "held": state(cut=cut(CutStage.HELD)),
+    "going to the start": state(activity=Activity.POSITIONING, cut=cut(CutStage.POSITION, phase_error_deg=None)),
+    "not judged": cutting(judged=False, phase_error_deg=None),
+    "stopping": stopped(rest_s=None),
+    "stop not delivered": stopped(rest_s=None, delivered=False),
+    "stop on the way to the start": replace(stopped(tool_in_part=False), cut=cut(CutStage.POSITION)),
+    "lost": replace(stopped(rest_s=None, delivered=False), activity=Activity.LOST, looked_s=88.0),
+    "never found": StationState(activity=Activity.LOST),
+    "stopped in the part": stopped(tool_in_part=True, can_retract=True),
+    "killed in the part": stopped(tool_in_part=True, killed=True),
+}
+
+
+async def states_shown(page: RunPage, states: Sequence[StationState], work: Work, frames: list[str]) -> None:
+    """Show one state after the other, each for one paint."""
+    app = PageStage(page, View(state=states[0], work=work, now_s=100.0))
+    async with app.run_test(size=(80, 24 - FRAME_ROWS)) as pilot:
+        await pilot.pause()
+        for now in states:
+            page.show(View(state=now, work=work, now_s=100.0))
+            await pilot.pause()
+            frames.append(grid(app))
+
+
+def frames_of(states: Sequence[StationState]) -> list[str]:
+    work, frames = experiment(), list[str]()
+    page = RunPage(desk_for(FixedControl(states[-1]), Path("/nowhere"), "en", work))
+    asyncio.run(states_shown(page, states, work, frames))
+    return frames

@@ -1,0 +1,267 @@
+"""Six fixed scenes, one for each page, on the whole application, without clock and chance."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textual.pilot import Pilot
+
+from console.session import records
+from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff, aligned_job, aligned_machine
+from console.session.paths import jobs_folder
+from console.session.preview import Preview, preview
+from console.session.progress import CutProgress, CutStage
+from console.session.state import Activity, MeasuredPart, StationState
+from console.session.work import Work, edited
+from console.text.catalogue import load
+from console.tui.app import ConsoleApp
+from console.tui.keymap import PageName
+from console.tui.pages import jobs
+from console.tui.theme import COLOUR, Palette
+from drivers.cut import Strategy
+from drivers.simulator.shop_view import ShopView
+from drivers.snapshot import AxisState, Snapshot
+from profiles.job import Job
+from profiles.roundness import evaluate
+from profiles.store import LoadedJob, load_job, load_machine, save_job
+from profiles.traces import Trace
+from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment
+
+CLOCK = datetime(2026, 1, 2, 8, 52)
+NOW_S = 100.0
+SHA256 = "3f9a1c" + "0" * 58
+MOST_TICKS = 20
+
+ON = frozenset({"amplifier_enabled", "home_complete"})
+REST = ON | {"desired_velocity_zero", "in_position"}
+CLAMPED = Clamping(force_n=1314.0, diameter_mm=52.0, overhang_mm=30.0, at="2 Jan 08:40")
+FOUND = JawAngle(angle_deg=12.63, at="2 Jan 08:45")
+TOUCHED = TouchOff(zero_radius_mm=76.013, at="2 Jan 08:46")
+AT_JAW = Alignment(settings=(), drives_on=True, homed=True, clamping=CLAMPED)
+ALIGNED = replace(AT_JAW, jaw=FOUND, touch_off=TOUCHED)
+
+# What the operator's own folder has besides the bundled jobs, and RONt of the parts that were measured, um.
+OWN_JOBS = {"ring-52": {"material": "S45C", "spindle_speed_rpm": 800.0}, "고리-60": {"diameter_mm": 60.0}}
+MEASURED_UM = {"lee-2001-experiment-2": 3.412, EXPERIMENT: 2.634}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """A page with what the machine, the job in hand and some keys make of it."""
+
+    page: PageName
+    state: StationState
+    work: Work | None = None
+    keys: tuple[str, ...] = ()
+
+
+def scene_of(page: PageName) -> Scene:
+    """The scene that is told of a page."""
+    match page:
+        case PageName.JOBS:
+            return Scene(page=page, state=machine(Activity.READY))
+        case PageName.SETUP:
+            # Another force than that of the lobe error, which is a warning; a comma that may mean thousands.
+            work, keys = edited(signed(), "chucking_force_n", "1400"), (*["down"] * 8, "enter", *"1,200")
+            return Scene(page=page, state=machine(Activity.READY), work=work, keys=keys)
+        case PageName.PREVIEW:
+            return Scene(page=page, state=machine(Activity.READY), work=signed())
+        case PageName.ALIGN:
+            state = replace(machine(Activity.READY), alignment=AT_JAW, seen=seen())
+            return Scene(page=page, state=state, work=signed(), keys=("j", "+"))
+        case PageName.RUN:
+            state = replace(machine(Activity.CUTTING), alignment=ALIGNED, cut=cut())
+            return Scene(page=page, state=state, work=signed())
+        case PageName.INSPECT:
+            after, before = part(Strategy.PVT, AFTER), part(Strategy.NONE, BEFORE)
+            state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
+            return Scene(page=page, state=state, work=signed())
+
+
+# What the scenes are made of ------------------------------------------------------------------------------------
+
+
+def signed() -> Work:
+    """Experiment 1 with a revision that stays when a word of its file changes."""
+    work = experiment()
+    return replace(work, loaded=replace(work.loaded, sha256=SHA256))
+
+
+def seen() -> ShopView:
+    return ShopView(jaw_1_past_mark_deg=-17.36, tool_gap_mm=1.043)
+
+
+def machine(activity: Activity) -> StationState:
+    """The simulated lathe half a second after its last look but one, R 27.2346 mm, Z 41.287 mm."""
+    flags = REST if activity is Activity.READY else ON
+    snapshot = Snapshot(
+        at_s=NOW_S,
+        tool=AxisState(position=243_827.0, following_error=3.0, flags=flags),
+        spindle=AxisState(position=10_351.0, following_error=-2.0, flags=flags),
+        carriage=AxisState(position=41_287.0, following_error=1.0, flags=flags),
+        program_running=activity is Activity.CUTTING,
+        runtime_error=False,
+    )
+    return StationState(
+        activity=activity,
+        machine=MACHINE,
+        controller="Turbo PMAC (simulated)",
+        at_s=NOW_S,
+        looked_s=NOW_S,
+        round_trip_ms=4.3,
+        snapshot=snapshot,
+    )
+
+
+def cut() -> CutProgress:
+    """The middle of a cut in phase; two waves, so that no two looks are the same."""
+    angles_deg = (np.arange(240.0) * 137.0 + 0.37) % 360.0
+    waves = 0.61 * np.sin(np.radians(3.0 * angles_deg + 20.0)) + 0.23 * np.sin(np.radians(7.0 * angles_deg + 50.0))
+    return CutProgress(
+        stage=CutStage.CUT,
+        holding=False,
+        turn=83.2,
+        turns=160.0,
+        z_mm=4.16,
+        length_mm=8.0,
+        left_s=4.6,
+        speed_rpm=1000.31,
+        tool_radius_mm=25.92713,
+        infeed_um=72.87,
+        wanted_um=73.46,
+        tool_error_um=-0.587,
+        tool_error_peak_um=1.423,
+        following_error_um=12.34,
+        phase_error_deg=0.083,
+        angles_deg=angles_deg,
+        errors_um=waves,
+    )
+
+
+# Undulations a turn, amplitude in um, angle of a crest in deg: none stands upright on the screen.
+BEFORE = ((3, 27.1, 14.3), (2, 1.31, 67.0), (6, 0.83, 31.0), (5, 0.57, 11.0))
+AFTER = ((3, 0.91, 21.7), (2, 0.47, 33.0), (6, 0.29, 7.0), (4, 0.23, 49.0), (7, 0.17, 3.0))
+
+
+def part(strategy: Strategy, waves: tuple[tuple[int, float, float], ...]) -> MeasuredPart:
+    """A part that was measured off centre, by 4.3 um."""
+    angle_deg = np.arange(3600) / 10.0
+    deviation_um = 2.7 + 4.3 * np.cos(np.radians(angle_deg - 57.0))
+    for n, amplitude_um, crest_deg in waves:
+        deviation_um = deviation_um + amplitude_um * np.cos(n * np.radians(angle_deg - crest_deg))
+    return MeasuredPart(
+        job=aligned_job(signed().job, ALIGNED),
+        strategy=strategy,
+        trace=Trace(angle_deg=angle_deg, deviation_um=deviation_um),
+        result=evaluate(angle_deg, deviation_um, 50.0, state="free"),
+        jaw_1_deg=FOUND.angle_deg,
+    )
+
+
+@cache
+def previewed(job: Job) -> Preview:
+    return preview(job, load_machine(MACHINE).machine)
+
+
+def fill(data: Path) -> None:
+    """Save jobs and results in an operator's folder."""
+    folder = jobs_folder(data)
+    folder.mkdir(parents=True)
+    for name, changes in OWN_JOBS.items():
+        save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
+    (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
+    names = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
+    run = records.RunRecord(data, {**dict.fromkeys(names, ""), "simulated": 1})
+    for job, ront_um in MEASURED_UM.items():
+        run.add("measured", {"job": job, "strategy": "pvt", "ront_um": ront_um})
+    run.close()
+
+
+# The application that shows them --------------------------------------------------------------------------------
+
+
+@contextmanager
+def fixed_world() -> Iterator[None]:
+    """The day of the records, the time zone and the revisions of the files are always the same."""
+
+    def signed_job(where: str) -> LoadedJob:
+        return replace(load_job(where), sha256=SHA256)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(records, "_now", lambda: "2025-12-30T09:15:00.000+00:00")
+        patch.setattr(jobs, "load_job", signed_job)
+        patch.setenv("TZ", "UTC")
+        time.tzset()
+        yield
+    time.tzset()
+
+
+def application(
+    scene: Scene, data: Path, *, language: str = "en", palette: Palette = COLOUR
+) -> tuple[ConsoleApp, FixedControl]:
+    """The console as it is started, but for the machine and the clock."""
+    control = FixedControl(scene.state, NOW_S)
+    app = ConsoleApp(
+        text=load(language),
+        palette=palette,
+        control=control,
+        machine=load_machine(MACHINE),
+        data=data,
+        local_time=lambda: CLOCK,
+        ticking=False,
+    )
+    app.desk.work = scene.work
+    answer(app, scene)
+    return app, control
+
+
+def answer(app: ConsoleApp, scene: Scene) -> None:
+    """Have the preview computed before it is asked for: no thread decides what is seen."""
+    if scene.work is not None:
+        alignment = scene.state.alignment
+        job = aligned_job(scene.work.job, alignment)
+        made = previewed(job) if scene.page is PageName.PREVIEW else None
+        question = (job, aligned_machine(scene.work.machine.machine, alignment))
+        app._previewer._answer = (question, made, ())
+
+
+@asynccontextmanager
+async def played(app: ConsoleApp, scene: Scene, size: tuple[int, int]) -> AsyncIterator[Pilot[None]]:
+    """Run the application, go to the page of the scene, press its keys, and wait until nothing changes."""
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        await pilot.press(str(list(PageName).index(scene.page) + 1), *scene.keys)
+        await settle(app, pilot)
+        yield pilot
+
+
+async def settle(app: ConsoleApp, pilot: Pilot[None]) -> None:
+    """Tick by hand until the screen stays as it is."""
+    before: list[str] = []
+    for _ in range(MOST_TICKS):
+        app.tick()
+        await pilot.pause()
+        now = rows_of(app)
+        if now == before:
+            return
+        before = now
+    raise AssertionError(f"the screen still changes after {MOST_TICKS} ticks")
+
+
+def rows_of(app: ConsoleApp) -> list[str]:
+    """The characters on the terminal, row by row, with their blanks."""
+    return ["".join(segment.text for segment in strip) for strip in app.screen._compositor.render_strips()]
+
+
+def writing() -> bool:
+    """Whether the goldens are to be written instead of compared."""
+    return os.environ.get("GOLDENS") == "write"

@@ -1,0 +1,326 @@
+"""The page Align: which keys order what, and what they say where they order nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from console.session.alignment import Alignment, TouchOff
+from console.session.intents import (
+    Approach,
+    ConfirmClamping,
+    Forget,
+    Home,
+    Intent,
+    Jog,
+    SwitchOff,
+    SwitchOn,
+    TakeJaw,
+    TakeTouchOff,
+    Verify,
+)
+from console.session.state import Activity, StationState, StopState
+from console.tui.pages.align import AlignPage
+from drivers.simulator.shop_view import ShopView
+from drivers.snapshot import AxisName
+from tests.tui.align_stage import (
+    CLAMPED,
+    FAR,
+    IN_PART,
+    JAW,
+    NEAR,
+    NO_JAW,
+    OFF,
+    ON,
+    OTHER,
+    VALID,
+    later,
+    look,
+    shown,
+    state,
+    words_of,
+)
+from tests.tui.stage import FixedControl, desk_for, experiment
+
+
+@pytest.mark.parametrize(
+    ("alignment", "flags", "order"),
+    [
+        (Alignment(), OFF, Verify()),
+        (Alignment(settings=(), drives_on=True), ON, SwitchOff()),
+        (Alignment(settings=(), clamping=CLAMPED), OFF, SwitchOn()),
+        (Alignment(settings=(), clamping=CLAMPED, drives_on=True), ON, Home()),
+        (replace(NO_JAW, jaw=JAW), ON, Approach(job=experiment().job)),
+    ],
+    ids=["verify", "hands need the drives off", "drives", "home", "touch off"],
+)
+def test_f4_does_the_step_that_the_machine_does(
+    alignment: Alignment, flags: frozenset[str], order: Intent
+) -> None:
+    page = shown(state(alignment, snapshot=look(flags)), "align.step")
+    assert (page.orders, page.said) == ([order], [])
+
+
+@pytest.mark.parametrize(
+    ("alignment", "flags", "code"),
+    [
+        (Alignment(settings=()), OFF, "screen.enter_does_it"),
+        (NO_JAW, ON, "screen.jog_does_it"),
+        (VALID, ON, "screen.aligned"),
+    ],
+)
+def test_f4_says_where_it_does_nothing(alignment: Alignment, flags: frozenset[str], code: str) -> None:
+    page = shown(state(alignment, snapshot=look(flags)), "align.step")
+    assert (page.orders, page.said) == ([], [code])
+
+
+@pytest.mark.parametrize(
+    ("alignment", "flags", "order"),
+    [
+        (Alignment(settings=()), OFF, ConfirmClamping(job=experiment().job)),
+        (Alignment(settings=(), clamping=CLAMPED), OFF, ConfirmClamping(job=experiment().job)),
+        (NO_JAW, ON, TakeJaw()),
+        (replace(NO_JAW, jaw=JAW), ON, TakeTouchOff(radius_mm=26.0)),
+    ],
+    ids=["clamp", "another blank", "jaw", "touch off"],
+)
+def test_enter_takes_what_hands_have_done(alignment: Alignment, flags: frozenset[str], order: Intent) -> None:
+    page = shown(state(alignment, snapshot=look(flags), seen=NEAR), "align.take")
+    assert (page.orders, page.said) == ([order], [])
+
+
+@pytest.mark.parametrize("alignment", [Alignment(), replace(VALID, homed=False), replace(VALID, drives_on=False)])
+def test_enter_moves_nothing(alignment: Alignment) -> None:
+    page = shown(state(alignment), "align.take")
+    assert (page.orders, page.said) == ([], ["screen.f4_does_it"])
+
+
+def test_another_force_than_the_measured_one_is_not_clamped() -> None:
+    work = experiment()
+    harder = replace(work, job=replace(work.job, chucking_force_n=2000.0))
+    page = shown(state(Alignment(settings=()), snapshot=look(OFF)), "align.take", work=harder)
+    assert (page.orders, page.said) == ([], ["rule.force_differs"])
+    assert "2000 N" in page.text
+
+
+def test_without_a_job_only_what_needs_none() -> None:
+    idle = state(Alignment(settings=(), clamping=CLAMPED), snapshot=look(OFF))
+    assert shown(idle, "align.step", no_job=True).orders == [SwitchOn()]
+    page = shown(state(), "align.take", "align.step", "align.enable", "align.in", no_job=True)
+    assert page.orders == [Jog(axis=AxisName.TOOL, distance=0.01)]
+    assert page.next_step == "Open a job first: 1."
+    assert "jogging too, after homing" in words_of(shown(state(), size=(160, 48), no_job=True).text)
+    assert shown(state(), "align.take", no_job=True).said == ["screen.nothing_to_align"]
+
+
+def test_when_all_is_valid_enter_takes_nothing_and_b_goes_back() -> None:
+    turned = shown(state(VALID), "align.enable", "align.forward", "align.take")
+    assert turned.orders == [Jog(axis=AxisName.SPINDLE, distance=0.1)]
+    assert turned.said == ["screen.aligned"]
+    back = shown(state(VALID, seen=NEAR), "align.back")
+    assert (back.orders, back.said) == ([Forget()], [])
+    assert "b takes" in back.next_step
+    assert shown(state(replace(VALID, touch_off=None)), "align.back").orders == [Forget()]
+
+
+@pytest.mark.parametrize("alignment", [Alignment(), NO_JAW, replace(VALID, drives_on=False)])
+def test_b_has_nothing_to_go_back_to_before_jaw_1(alignment: Alignment) -> None:
+    page = shown(state(alignment), "align.back")
+    assert (page.orders, page.said) == ([], ["screen.nothing_to_take_back"])
+
+
+def test_b_goes_back_without_a_job_too() -> None:
+    assert shown(state(VALID), "align.back", no_job=True).orders == [Forget()]
+    assert shown(state(NO_JAW), "align.back", no_job=True).said == ["screen.nothing_to_take_back"]
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        state(replace(NO_JAW, jaw=JAW), seen=ShopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=None)),
+        # Nothing is seen at a real lathe: the part begins at 170 mm, the tool is at 41.2 mm.
+        state(replace(NO_JAW, jaw=JAW), simulated=False, seen=None),
+    ],
+    ids=["seen", "by Z"],
+)
+def test_beside_the_part_nothing_is_touched_off(beside: StationState) -> None:
+    page = shown(beside, "align.take")
+    assert (page.orders, page.said) == ([], ["alignment.beside_part"])
+
+
+def test_over_the_part_of_a_real_lathe_the_touch_off_is_taken() -> None:
+    over = state(replace(NO_JAW, jaw=JAW), simulated=False, seen=None, snapshot=look(carriage_mm=172.0))
+    assert shown(over, "align.take").orders == [TakeTouchOff(radius_mm=26.0)]
+
+
+def test_jaw_1_far_from_the_mark_is_taken_only_when_asked_again() -> None:
+    far = state(seen=FAR)
+    once = later(far, (0.0, "align.take"))
+    assert (once.orders, once.said) == ([], ["screen.jaw_far"])
+    assert later(far, (0.0, "align.take"), (2.0, "align.take")).orders == [TakeJaw()]
+    assert later(far, (0.0, "align.take"), (3.1, "align.take")).orders == []
+    assert later(far, (0.0, "align.take"), (1.0, "align.enable"), (2.0, "align.take")).orders == []
+
+
+def test_a_held_enter_does_not_ask_again() -> None:
+    held = later(state(seen=FAR), *((0.1 * n, "align.take") for n in range(20)))
+    assert (held.orders, held.said) == ([], ["screen.key_repeats"])
+
+
+def test_jaw_1_near_the_mark_is_taken_at_once() -> None:
+    assert later(state(seen=ShopView(jaw_1_past_mark_deg=-0.9, tool_gap_mm=None)), (0.0, "align.take")).orders == [
+        TakeJaw()
+    ]
+
+
+def test_a_held_f4_does_not_go_from_step_to_step() -> None:
+    homing = Alignment(settings=(), clamping=CLAMPED, drives_on=True)
+    held = later(state(homing), *((0.5 * n, "align.step") for n in range(10)))
+    assert (held.orders, held.said) == ([Home()], ["screen.key_repeats"])
+    again = later(state(homing), (0.0, "align.step"), (0.7, "align.step"), (1.55, "align.step"))
+    assert again.orders == [Home(), Home()]
+
+
+def test_a_key_says_of_a_lost_machine_that_it_is_lost() -> None:
+    moving = look(ON - {"desired_velocity_zero"})
+    page = shown(state(VALID, activity=Activity.LOST, snapshot=moving), "align.step")
+    assert (page.orders, page.said) == ([], ["session.lost"])
+
+
+def test_the_tool_in_the_clamped_part_is_in_it_whatever_job_is_open() -> None:
+    off = look(OFF | {"home_complete"}, carriage_mm=172.0)
+    clamp = shown(state(OTHER, snapshot=off), "align.take")
+    assert (clamp.orders, clamp.said) == ([], ["machine.tool_in_part"])
+    assert "in or at the part" in clamp.next_step
+    assert "hands out; F4: drives on" in words_of(clamp.text)
+    # It can be jogged out only with its drive on.
+    assert shown(state(OTHER, snapshot=off), "align.step").orders == [SwitchOn()]
+    on = shown(state(OTHER, snapshot=IN_PART), "align.step")
+    assert (on.orders, on.said) == ([], ["machine.tool_in_part"])
+    assert "jog it out" in on.next_step
+
+
+def test_beside_the_part_the_tool_does_not_keep_another_blank_out() -> None:
+    off = look(OFF | {"home_complete"})
+    assert shown(state(OTHER, snapshot=off), "align.take").orders == [ConfirmClamping(job=experiment().job)]
+
+
+@pytest.mark.parametrize(
+    ("key", "axis", "distance"),
+    [
+        ("align.in", AxisName.TOOL, 0.01),
+        ("align.out", AxisName.TOOL, -0.01),
+        ("align.chuck", AxisName.CARRIAGE, 0.01),
+        ("align.tail", AxisName.CARRIAGE, -0.01),
+        ("align.forward", AxisName.SPINDLE, 0.1),
+        ("align.backward", AxisName.SPINDLE, -0.1),
+    ],
+)
+def test_a_jog_key_is_one_step_of_its_axis(key: str, axis: AxisName, distance: float) -> None:
+    assert shown(state(), "align.enable", key).orders == [Jog(axis=axis, distance=distance)]
+
+
+def test_the_ladder_has_ends() -> None:
+    page = shown(state(), "align.enable", *["align.larger"] * 9, "align.tail", "align.forward")
+    assert [order.distance for order in page.orders if isinstance(order, Jog)] == [-10.0, 30.0]
+    assert "[10.000]" in page.text
+    assert "[30.00]" in page.text
+    least = shown(state(), "align.enable", *["align.smaller"] * 9, "align.tail").orders[0]
+    assert least == Jog(axis=AxisName.CARRIAGE, distance=-0.001)
+
+
+def test_nothing_jogs_before_it_is_enabled() -> None:
+    page = shown(state(), "align.in")
+    assert (page.orders, page.said) == ([], ["screen.jog_not_enabled"])
+    assert "jog off" in page.text
+
+
+def test_the_jog_ends_by_idleness_and_with_the_page() -> None:
+    assert "jog enabled, 30 s left" in shown(state(), "align.enable").text
+    assert "jog enabled, 12 s left" in shown(state(), "align.enable", then_s=18.5).text
+    assert "jog off" in shown(state(), "align.enable", then_s=30.0).text
+    assert "jog off" in shown(state(), "align.enable", leave=True).text
+
+
+def test_before_the_touch_off_steps_toward_the_work_are_short() -> None:
+    page = shown(state(), "align.enable", *["align.larger"] * 3, "align.in")
+    assert (page.orders, page.said) == ([], ["screen.step_too_long"])
+    assert "≤ 1.000 mm" in page.text
+    allowed = shown(state(), "align.enable", *["align.larger"] * 2, "align.in").orders
+    assert allowed == [Jog(axis=AxisName.TOOL, distance=1.0)]
+
+
+def test_after_it_they_end_at_the_surface() -> None:
+    # The tip stands at 26.5 mm before a part of 26.0 mm.
+    page = shown(state(VALID), "align.enable", "align.larger", "align.larger", "align.in")
+    assert page.said == ["screen.step_too_long"]
+    assert "≤ 0.500 mm" in page.text
+
+
+def test_a_step_as_long_as_the_gap_that_is_shown_is_allowed() -> None:
+    # 0.9998 mm before the surface is shown as 1.000.
+    near = replace(VALID, touch_off=TouchOff(zero_radius_mm=76.9998, at="08:46"))
+    page = shown(state(near), "align.enable", "align.larger", "align.larger", "align.in")
+    assert page.orders == [Jog(axis=AxisName.TOOL, distance=1.0)]
+    assert "≤ 1.000 mm" in page.text
+
+
+def test_the_gap_is_that_of_the_clamped_blank() -> None:
+    # 53 mm are clamped, 52 mm are in hand: the tip at R 26.5 mm touches.
+    page = shown(state(OTHER), "align.enable", "align.larger", "align.in")
+    assert (page.orders, page.said) == ([], ["screen.step_too_long"])
+    assert "≤ 0.010 mm" in page.text
+    # And none is in hand: the clamped one is still there.
+    assert "≤ 0.500 mm" in shown(state(VALID), no_job=True).text
+
+
+def test_the_run_on_after_a_stop_is_told_for_every_axis() -> None:
+    page = shown(state(), *["align.larger"] * 3)
+    # 10 mm/s for 55 ms and the ramp, rounded up.
+    assert "X 0.557" in page.text
+
+
+def test_a_held_key_is_one_step_and_another_stops() -> None:
+    control = FixedControl(state())
+    desk = desk_for(control, Path("/nowhere"), work=experiment())
+    page = AlignPage(desk)
+    page.act("align.enable")
+    page.act("align.tail")
+    control.state = state(activity=Activity.JOGGING)
+    page.act("align.tail")
+    assert (len(control.orders), control.stops) == (1, [])
+    page.act("align.chuck")
+    assert len(control.stops) == 1
+    assert desk.said[0].code == "screen.key_in_motion"
+    page.act("align.larger")
+    page.act("align.off")
+    assert len(control.stops) == 3
+    assert len(control.orders) == 1
+
+
+def test_leaving_in_mid_step_stops() -> None:
+    assert shown(state(activity=Activity.JOGGING), leave=True).stops == ["page"]
+    assert shown(state(activity=Activity.HOMING), leave=True).stops == []
+
+
+def test_the_drives_go_off_at_rest() -> None:
+    assert shown(state(), "align.off").orders == [SwitchOff()]
+    assert shown(state(snapshot=look(OFF)), "align.off").said == ["screen.drives_are_off"]
+
+
+@pytest.mark.parametrize("key", ["align.step", "align.take", "align.enable"])
+def test_after_a_stop_the_way_on_is_named(key: str) -> None:
+    stopped = state(
+        stop=StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5), activity=Activity.STOPPED
+    )
+    page = shown(stopped, key)
+    assert (page.orders, page.said) == ([], ["screen.stopped_first"])
+    assert "F2" in page.next_step
+
+
+@pytest.mark.parametrize("activity", [Activity.VERIFYING, Activity.SWITCHING, Activity.ARMING])
+def test_a_busy_controller_takes_no_order(activity: Activity) -> None:
+    page = shown(state(activity=activity), "align.take")
+    assert (page.orders, page.said) == ([], ["screen.busy"])

@@ -1,0 +1,165 @@
+"""What the whole screen looks like: every page at three sizes in both languages, compared with a kept text.
+
+GOLDENS=write pytest tests/tui/test_goldens.py
+
+writes the texts anew. A test that has changed one fails and says so: look at the difference, then run again
+without it. Thus a run that writes is never green by itself, wherever the variable was forgotten.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import difflib
+import re
+import string
+import tempfile
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+from rich.cells import cell_len
+
+from console.text.catalogue import load
+from console.tui.keymap import PageName
+from tests.tui.scenes import application, fill, fixed_world, played, rows_of, scene_of, writing
+from tests.tui.stage import LANGUAGES, SIZES
+
+FOLDER = Path(__file__).with_name("goldens")
+TEXTS = Path(__file__).parents[2] / "console" / "text"
+LONG_LETTERS = 12
+WORD_DOT_WORD = re.compile(r"[a-z_]+(?:\.[a-z0-9_]+)+")
+
+Size = tuple[int, int]
+PICTURES = [(page, size, language) for page in PageName for size in SIZES for language in LANGUAGES]
+all_pictures = pytest.mark.parametrize(
+    ("page", "size", "language"), PICTURES, ids=[f"{p}-{w}x{h}-{lang}" for p, (w, h), lang in PICTURES]
+)
+
+
+@cache
+def picture(page: PageName, size: Size, language: str) -> tuple[str, ...]:
+    """The rows of the terminal, with their blanks."""
+    scene = scene_of(page)
+
+    async def play(data: Path) -> list[str]:
+        app, _ = application(scene, data, language=language)
+        async with played(app, scene, size):
+            return rows_of(app)
+
+    with fixed_world(), tempfile.TemporaryDirectory() as folder:
+        fill(Path(folder))
+        return tuple(asyncio.run(play(Path(folder))))
+
+
+def golden_of(page: PageName, size: Size, language: str) -> Path:
+    return FOLDER / f"{page}-{size[0]}x{size[1]}-{language}.txt"
+
+
+def compare(rows: tuple[str, ...], golden: Path, *, write: bool) -> None:
+    """Fail with a difference that can be read, after writing the golden where that is asked for."""
+    now = [row.rstrip() for row in rows]
+    kept = golden.read_text(encoding="utf-8").splitlines() if golden.is_file() else []
+    if now == kept:
+        return
+    if write:
+        golden.write_text("\n".join(now) + "\n", encoding="utf-8")
+        pytest.fail(f"{golden.name} was written: look at it, then run without GOLDENS", pytrace=False)
+    difference = difflib.unified_diff(kept, now, f"{golden.name}, kept", f"{golden.name}, now", lineterm="", n=1)
+    pytest.fail("\n".join(["the screen looks otherwise than it did", *difference]), pytrace=False)
+
+
+@cache
+def entries(language: str) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for path in sorted((TEXTS / language).glob("*.toml")):
+        found |= tomllib.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def bare_keys(text: str) -> list[str]:
+    """Keys of the catalogues that stand in a text instead of their words."""
+    tables = {key.partition(".")[0] for language in LANGUAGES for key in entries(language) if "." in key}
+    return [word for word in WORD_DOT_WORD.findall(text) if word.partition(".")[0] in tables]
+
+
+@cache
+def english_beginnings() -> frozenset[str]:
+    """How the longer English sentences begin that are said otherwise in Korean; the rest may be a row below."""
+    found = set()
+    for key, english in entries("en").items():
+        for piece, *_ in string.Formatter().parse(english):
+            words = piece.strip()
+            head = words[: LONG_LETTERS + 1]
+            if sum(letter.isalpha() for letter in words) > LONG_LETTERS and head not in entries("ko")[key]:
+                found.add(head)
+    return frozenset(found)
+
+
+def english_in(text: str) -> list[str]:
+    return sorted(head for head in english_beginnings() if head in text)
+
+
+@all_pictures
+def test_every_screen_looks_as_it_did(page: PageName, size: Size, language: str) -> None:
+    compare(picture(page, size, language), golden_of(page, size, language), write=writing())
+
+
+@all_pictures
+def test_every_row_is_exactly_as_wide_as_the_terminal(page: PageName, size: Size, language: str) -> None:
+    rows = picture(page, size, language)
+    assert [cell_len(row) for row in rows] == [size[0]] * size[1]
+
+
+@all_pictures
+def test_the_six_rows_of_the_frame_are_in_their_places(page: PageName, size: Size, language: str) -> None:
+    text, rows = load(language), picture(page, size, language)
+    state, alarm, pages, *_, following, stop, keys = rows
+    assert state.startswith(" SIM ")
+    assert state.endswith(" 08:52 ")
+    assert alarm.startswith((" · ", " – "))
+    assert [f" {n} {text(f'page.{name}')} " in pages for n, name in enumerate(PageName, start=1)] == [True] * 6
+    assert following.startswith(" ▶ ")
+    assert stop.startswith(f" {text('frame.stop')} ")
+    assert "SPACE" in stop
+    assert keys.rstrip().endswith(f"? {text('key.help')}")
+
+
+@all_pictures
+def test_no_key_of_the_catalogues_shows_itself(page: PageName, size: Size, language: str) -> None:
+    assert bare_keys("\n".join(picture(page, size, language))) == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("page", PageName)
+def test_a_korean_screen_has_no_english_sentence(page: PageName, size: Size) -> None:
+    assert english_in("\n".join(picture(page, size, "ko"))) == []
+
+
+@pytest.mark.parametrize("page", PageName)
+def test_english_sentences_would_be_found(page: PageName) -> None:
+    assert english_in("\n".join(picture(page, SIZES[-1], "en"))) != []
+
+
+def test_a_bare_key_would_be_found() -> None:
+    assert bare_keys("drive align_page.drive and R 26.0000 mm, LSC of setup.no_such_word") == [
+        "align_page.drive",
+        "setup.no_such_word",
+    ]
+
+
+def test_there_is_no_golden_without_its_screen() -> None:
+    wanted = {golden_of(*each).name for each in PICTURES}
+    assert {path.name for path in FOLDER.iterdir()} == wanted
+
+
+def test_a_difference_is_shown_and_writing_does_not_pass(tmp_path: Path) -> None:
+    golden = tmp_path / "run-80x24-en.txt"
+    golden.write_text("same\nbefore\n", encoding="utf-8")
+    rows = ("same  ", "after ")
+    with pytest.raises(pytest.fail.Exception, match=r"(?s)-before.*\+after"):
+        compare(rows, golden, write=False)
+    assert golden.read_text(encoding="utf-8") == "same\nbefore\n"
+    with pytest.raises(pytest.fail.Exception, match="was written"):
+        compare(rows, golden, write=True)
+    compare(rows, golden, write=False)

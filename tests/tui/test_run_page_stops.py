@@ -1,0 +1,147 @@
+"""The page Run after a stop, after a cut that was left, and while nothing is known of the machine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from console.session.intents import Retract
+from console.session.progress import CutStage
+from console.session.state import Activity, StationState, StopState
+from console.session.work import edited
+from tests.tui.run_stage import (
+    OFF,
+    STATES,
+    SURFACE_COUNTS,
+    cut,
+    cutting,
+    frames_of,
+    look,
+    shown,
+    state,
+    stopped,
+)
+from tests.tui.stage import experiment
+
+
+def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
+    page = shown(STATES["stopped in the part"])
+    assert "1.3 s" in page.text
+    assert "IN OR AT THE PART" in page.text
+    assert "F2 goes on" in page.words
+    assert "F8 takes the tool out" in page.words
+    assert "NOT YET" in shown(STATES["stopping"]).text
+    killed = shown(STATES["killed in the part"])
+    assert "drives off" in killed.text
+    assert "F8 cannot take the tool out" in killed.words
+
+
+@pytest.mark.parametrize(
+    ("now", "code"),
+    [
+        (stopped(tool_in_part=True, can_retract=True), "screen.stopped_first"),
+        (cutting(), "screen.in_motion"),
+        (state(), "screen.tool_is_out"),
+        (state(snapshot=look(OFF, tool=SURFACE_COUNTS)), "machine.retract_not_possible"),
+        (state(activity=Activity.ARMING, snapshot=look(tool=SURFACE_COUNTS)), "screen.busy"),
+        (StationState(), "screen.nothing_known"),
+    ],
+)
+def test_retract_says_why_not(now: StationState, code: str) -> None:
+    page = shown(now, "run.retract")
+    assert (page.orders, page.said) == ([], [code])
+
+
+def test_retract_after_a_cut_that_was_left() -> None:
+    left = state(snapshot=look(tool=SURFACE_COUNTS), cut=cut())
+    page = shown(left, "run.retract")
+    assert page.orders == [Retract()]
+    assert "F8" in page.next_step
+    assert "switches on" in shown(replace(left, snapshot=look(OFF, tool=SURFACE_COUNTS))).next_step
+
+
+def test_the_stop_panel_is_whole_when_it_is_first_seen() -> None:
+    *_, frame = frames_of([cutting(), STATES["stopping"]])
+    assert "Wait until rest is proven" in frame
+    assert not any(len(row.strip("│ ")) == 1 for row in frame.splitlines())
+
+
+def test_a_stop_on_the_way_to_the_start_shows_no_values_of_a_cut() -> None:
+    page = shown(STATES["stop on the way to the start"])
+    assert "Last values" not in page.text
+    assert "no cut was running" in page.text
+
+
+def test_a_later_stop_does_not_bring_the_values_of_the_cut_back() -> None:
+    first, left = stopped(), state(cut=cut())
+    left = replace(left, cut=first.cut)
+    second = replace(first, stop=StopState(reason="space", killed=False, sent_s=150.0, rest_s=151.0))
+    frames = frames_of([first, left, second])
+    assert ["Last values" in frame for frame in frames] == [True, False, False]
+
+
+def test_the_way_to_the_touch_off_is_no_cut() -> None:
+    left = state(cut=cut())
+    *_, frame = frames_of([left, replace(left, activity=Activity.POSITIONING)])
+    assert "Before the start" in frame
+
+
+def test_a_spindle_that_coasts_is_seen() -> None:
+    """A quarter of a second apart, 1000 of 10 000 counts: 24 turns a minute."""
+    killed = STATES["killed in the part"]
+    later = replace(killed, snapshot=look(OFF, at_s=100.25, spindle=1350.0))
+    *_, frame = frames_of([killed, later])
+    assert "turns 24 rpm" in frame
+    *_, frame = frames_of([killed, replace(killed, snapshot=look(OFF, at_s=100.25))])
+    assert "rpm" not in frame.partition("││")[0]
+
+
+@pytest.mark.parametrize(
+    ("known", "can_retract", "words"),
+    [
+        (True, False, "IN OR AT THE PART"),
+        (None, False, "position not known"),
+        (False, False, "not held, drives off"),
+        (False, True, "clear of the part"),
+    ],
+)
+def test_a_tool_that_nothing_holds_is_not_called_clear(known: bool | None, can_retract: bool, words: str) -> None:
+    page = shown(stopped(killed=not can_retract, tool_in_part=known, can_retract=can_retract))
+    assert words in page.text
+    assert ("nothing held" in page.text) is not can_retract
+
+
+def test_where_the_tool_is_goes_by_the_part_that_is_clamped() -> None:
+    """A job with a smaller part is opened after a cut was left: the tool is where it is."""
+    left = state(snapshot=look(tool=SURFACE_COUNTS), cut=cut())
+    other = edited(experiment(), "diameter_mm", "40")
+    page = shown(left, "run.retract", work=other)
+    assert page.orders == [Retract()]
+    assert "F8" in page.next_step
+    beside = replace(left, snapshot=look(tool=SURFACE_COUNTS, carriage=160_000.0))
+    assert shown(beside, "run.retract").said == ["screen.tool_is_out"]
+    assert "F8" not in shown(beside).next_step
+
+
+@pytest.mark.parametrize("stage", [CutStage.POSITION, CutStage.RUN_UP])
+def test_a_cut_that_never_reached_the_part_was_not_left(stage: CutStage) -> None:
+    touching = state(snapshot=look(tool=SURFACE_COUNTS), cut=cut(stage))
+    assert "was left" not in shown(touching).next_step
+
+
+def test_a_stop_that_did_not_arrive_is_said_first() -> None:
+    for name in ("stop not delivered", "lost"):
+        page = shown(STATES[name])
+        assert page.words.split("──╮")[-1].strip().startswith("!!! the stop did NOT reach the controller")
+        assert "emergency stop of the machine" in page.words
+    assert "NOT reach" not in shown(STATES["stopping"]).text
+
+
+def test_lost_means_that_nothing_is_known_any_more() -> None:
+    page = shown(STATES["lost"], "run.retract")
+    assert "Nothing is known of the machine any more. The last look is 12 s old." in page.words
+    assert "Old: 12 s ago" in page.text
+    assert page.said == ["screen.nothing_known"]
+    assert shown(replace(state(), activity=Activity.LOST), "run.arm").said == ["screen.nothing_known"]
+    assert "no look at it has succeeded" in shown(STATES["never found"]).words

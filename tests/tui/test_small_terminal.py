@@ -1,0 +1,163 @@
+"""A terminal that is too small says so, starts nothing, still stops and leaves; and no resize breaks anything."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from console.session.state import Activity
+from console.text.catalogue import load
+from console.tui.app import SMALLEST, ConsoleApp
+from console.tui.keymap import PageName, actions_of
+from tests.tui.scenes import application, fill, played, rows_of, scene_of, settle
+from tests.tui.stage import LANGUAGES, FixedControl
+
+Size = tuple[int, int]
+Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
+
+USUAL = (80, 24)
+TOO_SMALL = ((59, 24), (80, 17), (20, 5), (1, 1))
+STORM = 30
+
+
+def play(page: PageName, act: Act, data: Path, *, size: Size = USUAL, language: str = "en") -> ConsoleApp:
+    """Go to a page in its scene, and act there."""
+    scene = scene_of(page)
+    fill(data)
+    app, control = application(scene, data, language=language)
+
+    async def run() -> None:
+        async with played(app, scene, size) as pilot:
+            await act(app, pilot, control)
+
+    asyncio.run(run())
+    assert app.fault is None
+    return app
+
+
+async def resize(app: ConsoleApp, pilot: Pilot[None], size: Size) -> None:
+    await pilot.resize_terminal(*size)
+    await settle(app, pilot)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("size", [(59, 24), (80, 17), (40, 5)])
+def test_a_terminal_that_is_too_small_says_what_it_needs(size: Size, language: str, tmp_path: Path) -> None:
+    text = load(language)
+    wanted = text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]).split()
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        await resize(app, pilot, size)
+        words = " ".join(rows_of(app)).split()
+        assert words == [*text("small.title").split(), *wanted]
+
+    play(PageName.RUN, act, tmp_path, language=language)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_in_a_few_rows_the_size_comes_first(language: str, tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        await resize(app, pilot, (20, 5))
+        rows = rows_of(app)
+        assert rows[0].startswith(" SIM ")
+        assert "60 x 18" in "\n".join(rows)
+
+    play(PageName.RUN, act, tmp_path, language=language)
+
+
+@pytest.mark.parametrize("size", TOO_SMALL)
+def test_space_stops_there(size: Size, tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await resize(app, pilot, size)
+        for number, key in enumerate(("space", "f12", "escape"), start=1):
+            await pilot.press(key)
+            assert len(control.stops) == number
+        await pilot.press("f9")
+        assert len(control.kills) == 1
+
+    play(PageName.RUN, act, tmp_path)
+
+
+@pytest.mark.parametrize("size", TOO_SMALL)
+@pytest.mark.parametrize("page", [PageName.ALIGN, PageName.RUN, PageName.INSPECT])
+def test_no_other_key_does_anything(page: PageName, size: Size, tmp_path: Path) -> None:
+    keys = [action.keys[0] for action in actions_of(page)]
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        # The page of a cut is there with a machine at rest: a key that means nothing would stop it else.
+        control.state = scene_of(PageName.JOBS).state
+        await resize(app, pilot, USUAL)
+        before, orders = rows_of(app), len(control.orders)
+        await resize(app, pilot, size)
+        await pilot.press("f6", "1", "?", *keys)
+        assert (len(control.orders), control.stops, control.kills) == (orders, [], [])
+        await resize(app, pilot, USUAL)
+        assert rows_of(app) == before
+
+    play(page, act, tmp_path)
+
+
+def test_a_key_that_means_nothing_stops_what_moves(tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        assert control.state.activity is Activity.CUTTING
+        await resize(app, pilot, (40, 10))
+        await pilot.press("f6", "1")
+        assert control.stops == ["unbound", "unbound"]
+        assert control.orders == []
+
+    play(PageName.RUN, act, tmp_path)
+
+
+@pytest.mark.parametrize("size", TOO_SMALL)
+def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        await resize(app, pilot, size)
+        await pilot.press("ctrl+q")
+        await pilot.pause()
+
+    assert play(PageName.INSPECT, act, tmp_path).return_code == 0
+
+
+@pytest.mark.parametrize("size", TOO_SMALL)
+@pytest.mark.parametrize("page", PageName)
+def test_growing_again_brings_the_page_back(page: PageName, size: Size, tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        before = rows_of(app)
+        await resize(app, pilot, size)
+        assert rows_of(app) != before
+        await resize(app, pilot, USUAL)
+        assert rows_of(app) == before
+
+    play(page, act, tmp_path)
+
+
+@pytest.mark.parametrize("size", TOO_SMALL)
+def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        await resize(app, pilot, USUAL)
+        assert rows_of(app)[0].startswith(" SIM   lee-2001-lathe")
+        assert "lee-2001-experiment-1" in "\n".join(rows_of(app))
+
+    play(PageName.JOBS, act, tmp_path, size=size)
+
+
+@pytest.mark.parametrize("page", PageName)
+def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None:
+    chance = random.Random(7)
+    sizes = [(1, 1), *((chance.randint(1, 200), chance.randint(1, 60)) for _ in range(STORM - 2)), (1, 1)]
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        before = rows_of(app)
+        for size in sizes:
+            await pilot.resize_terminal(*size)
+            app.tick()
+        await resize(app, pilot, USUAL)
+        assert rows_of(app) == before
+        assert app.desk.said == ()
+
+    play(page, act, tmp_path)
