@@ -150,8 +150,19 @@ class Trainee:
     def _takes_step(self, step: float, unit: str) -> None:
         """Press + or - until the step stands in its brackets."""
         while (before := self._step(unit)) != step:
+            self._waits_for_rest()
             self.press("+" if before < step else "-")
             self.terminal.wait_for(partial(self._has_left, before, unit), 5.0)
+
+    def _waits_for_rest(self) -> None:
+        """A key that changes the step stops a jog that goes on: wait until nothing has moved for half a second."""
+        ready = re.compile(self._pattern("activity.ready"))
+        for _ in range(20):
+            try:
+                self.terminal.wait_for(lambda _: ready.search(self.terminal.row(0)) is None, 0.5)
+            except AssertionError:
+                return
+            self.terminal.wait_for(lambda _: ready.search(self.terminal.row(0)) is not None, 30.0)
 
     def _has_left(self, before: float, unit: str, _: str) -> bool:
         return self._step(unit) != before

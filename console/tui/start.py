@@ -80,6 +80,11 @@ class _Ending:
         for number in ENDING_SIGNALS:
             signal.signal(number, self._handle)
 
+    def ignore(self) -> None:
+        """All is done: one more signal while the interpreter ends must not change how it ends."""
+        for number in ENDING_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
     def _handle(self, number: int, _: FrameType | None) -> None:
         self.reason = self.reason or signal.Signals(number).name
         self._link.end(self.reason, must_leave=True)
@@ -93,6 +98,7 @@ def _leave(link: LinkThread, ending: _Ending, text: Catalogue) -> None:
     if not link.join(QUIET_S):
         _say(text("leave.waiting"))
         link.join(COAST_LIMIT_S)
+    ending.ignore()
     if ending.reason is not None:
         _say(text("leave.ended_at_rest" if link.rested else "leave.ended", reason=ending.reason))
     if not link.rested:
