@@ -75,6 +75,7 @@ class _Ending:
     def __init__(self, link: LinkThread, app: ConsoleApp) -> None:
         self.reason: str | None = None
         self._link, self._app = link, app
+        self._handling = False
 
     def install(self) -> None:
         for number in ENDING_SIGNALS:
@@ -86,10 +87,14 @@ class _Ending:
             signal.signal(number, signal.SIG_IGN)
 
     def _handle(self, number: int, _: FrameType | None) -> None:
+        if self._handling:
+            return  # one that comes in the middle of this has nothing to add, and a row of them would pile up
+        self._handling = True
         self.reason = self.reason or signal.Signals(number).name
         self._link.end(self.reason, must_leave=True)
         with suppress(RuntimeError):  # the screen has been left already, and its loop is closed
             self._app.leave_soon()
+        self._handling = False
 
 
 def _leave(link: LinkThread, ending: _Ending, text: Catalogue) -> None:
