@@ -13,11 +13,12 @@ from drivers.clock import Clock
 from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import PMAC
 from drivers.pmac.language.text import format_line, format_number
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import HOLD_FLAG
 from drivers.pmac.settings import PARTS_PER_COUNT
-from drivers.pmac.variables import MODAL_NUMBERS, coordinate_variable
+from drivers.pmac.variables import MODAL_NUMBERS
 from drivers.snapshot import AxisName, AxisState, Snapshot, read_snapshot, snapshot_items
 from drivers.stop import StopPath
 from drivers.travel import overrun_counts, refuse_beyond_travel
@@ -49,7 +50,7 @@ LINK_GONE = "link.lost"
 FIRST_MOTOR, LAST_MOTOR = 1, 8
 
 QUERY_BATCH = 10
-MODAL_SETTINGS = tuple(f"I{coordinate_variable(1, number)}" for number in MODAL_NUMBERS)
+MODAL_SETTINGS = tuple(f"I{PMAC.system_index(1, number)}" for number in MODAL_NUMBERS)
 
 
 class Lathe:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from drivers.errors import LinkError
-from drivers.pmac.status import MOTOR_BITS, SYSTEM_BITS, decode
+from drivers.pmac.dialect import PMAC
+from drivers.pmac.status import decode
 from profiles.problem import Problem
 
 FAULT_FLAGS = ("fatal_following_error", "amplifier_fault", "negative_limit", "positive_limit")
@@ -116,12 +117,14 @@ def read_snapshot(replies: Sequence[str], at_s: float, where: str) -> Snapshot:
     """
     try:
         axes = [
-            AxisState(position=float(position), following_error=float(error), flags=decode(status, MOTOR_BITS))
+            AxisState(
+                position=float(position), following_error=float(error), flags=decode(status, PMAC.motor_bits)
+            )
             for position, error, status in (
                 replies[start : start + ITEMS_PER_AXIS] for start in range(0, len(replies) - 1, ITEMS_PER_AXIS)
             )
         ]
-        system = decode(replies[-1], SYSTEM_BITS)
+        system = decode(replies[-1], PMAC.system_bits)
     except ValueError as error:
         raise LinkError(Problem(code="link.out_of_step", where=where, key="P F ? ??", value=str(error))) from error
     return Snapshot(

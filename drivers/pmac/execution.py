@@ -16,7 +16,7 @@ from drivers.pmac.language.evaluate import Value, compile_condition, compile_exp
 from drivers.pmac.language.structure import Code
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.trajectory.linear import MOVE_TIME_MAX_MS
-from drivers.pmac.variables import VariableStore, coordinate_variable
+from drivers.pmac.variables import VariableStore
 
 FEEDRATE_AXES = ("X", "Y", "Z")
 """The axes whose distance a feedrate speaks of, until a program says otherwise."""
@@ -186,10 +186,10 @@ class ProgramRun:
             self._keep(89, value)
 
     def _keep(self, number: int, value: float) -> None:
-        self._variables.set(VariableKind.I, coordinate_variable(self._system, number), value)
+        self._variables.set(VariableKind.I, self._variables.dialect.system_index(self._system, number), value)
 
     def _modal(self, number: int) -> float:
-        return self._variables.i(coordinate_variable(self._system, number))
+        return self._variables.system(self._system, number)
 
     def _select(self, statement: syntax.SelectMode | syntax.Positioning) -> None:
         if isinstance(statement, syntax.SelectMode):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from drivers.pmac.dialect import PMAC
+from drivers.pmac.dialect import PMAC, Dialect, Scope, Setting
 
 I10_PER_MS = 8_388_608
 """I10 counts servo time in 2^-23 ms, and wraps there."""
@@ -12,10 +12,19 @@ I10_PER_MS = 8_388_608
 PARTS_PER_COUNT = 16.0
 """Ix11, Ix12, Ix26 and Ix28 are in sixteenths of a count."""
 
+_FIRST_SYSTEM_NUMBER = 85
+"""On the non-Turbo controller Ix85 to Ix98 are the coordinate system's, below they are the motor's."""
 
-def settings_with(named: Mapping[str, float]) -> dict[int, float]:
-    """Return every I-variable: those that are named, such as {"I116": 500}, and the factory's for the rest."""
-    return {**PMAC.factory_variables(), **{int(name[1:]): value for name, value in named.items()}}
+
+def settings_with(named: Mapping[str, float], dialect: Dialect = PMAC) -> dict[int, float]:
+    """Return every I-variable: those that are named, such as {"I116": 500}, and the factory's for the rest.
+
+    The names are those of the non-Turbo controller; in another dialect each goes to the place that it has there.
+    """
+    values = dict(dialect.factory)
+    for name, value in named.items():
+        values.update(dict.fromkeys(_places(int(name[1:]), dialect), value))
+    return values
 
 
 def servo_cycle_ms(i10: float) -> float:
@@ -24,3 +33,25 @@ def servo_cycle_ms(i10: float) -> float:
     It has 23 bits and wraps; a 0 would stop the time of every motion, so the least step is taken.
     """
     return max(1, int(i10) % I10_PER_MS) / I10_PER_MS
+
+
+def _places(index: int, dialect: Dialect) -> Iterable[int]:
+    """Return where a setting of the non-Turbo controller stands in a dialect; one for all may become one each."""
+    if dialect is PMAC:
+        return (index,)
+    owner, number = divmod(index, 100)
+    for setting, place in PMAC.places.items():
+        if place.number == number and (place.scope is Scope.GLOBAL) == (owner == 0):
+            return _spread(dialect, owner, setting)
+    if owner and number >= _FIRST_SYSTEM_NUMBER:
+        return (dialect.system_index(owner, number),)
+    return (index,)
+
+
+def _spread(dialect: Dialect, owner: int, setting: Setting) -> Iterable[int]:
+    """`owner` is 0 for what the non-Turbo controller has once; then all motors or systems get it."""
+    owners: Iterable[int] = (owner,)
+    if owner == 0:
+        motors = dialect.places[setting].scope is Scope.MOTOR
+        owners = range(1, (dialect.motor_count if motors else dialect.system_count) + 1)
+    return {dialect.index(setting, each) for each in owners}

@@ -5,65 +5,62 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from drivers.pmac.dialect import PMAC, Dialect, Setting
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.syntax import VariableKind
-
-HIGHEST_INDEX = 1023
-"""I, P, Q and M run from 0 to 1023 on the non-Turbo controller."""
-
+from drivers.pmac.memory import Memory, Pointer
 
 GREATEST_SETTING = 2.0**47
 """An I-variable that is set beyond this, either way, stays there: no register of the card is wider."""
-
-
-def coordinate_variable(system: int, number: int) -> int:
-    """Return the index of Ix`number` of coordinate system x; the same sets as the motors', 85 to 98."""
-    return 100 * system + number
-
 
 MODAL_NUMBERS = (87, 88, 89)
 """Ix87, Ix88, Ix89: TA, TS, and F or TM, as the last program left them."""
 
 
 class VariableStore:
-    """Values by family and number; what was never set reads 0, an undefined M is a plain value.
+    """Values by family and number; what was never set reads 0.
 
-    `i_revision` changes whenever a setting may have changed, so that what is derived from them can follow; what
-    a program keeps in Ix87 to Ix89 from move to move is none.
+    An M-variable without a definition in `pointers` is a plain value; one with a definition is what `memory`
+    says. `i_revision` changes whenever a setting may have changed, so that what is derived from them can follow;
+    what a program keeps in Ix87 to Ix89 from move to move is none.
     """
 
-    def __init__(self, i_variables: Mapping[int, float] | None = None) -> None:
+    def __init__(self, i_variables: Mapping[int, float] | None = None, dialect: Dialect = PMAC) -> None:
+        self.dialect = dialect
         self.i_revision = 0
+        self.pointers: dict[int, Pointer] = {}
+        self.memory: Memory | None = None
         self._i: dict[int, float] = dict(i_variables or {})
         self._p: dict[int, float] = {}
-        self._q: dict[int, float] = {}
+        self._q: dict[int, dict[int, float]] = {}
         self._m: dict[int, float] = {}
 
-    def get(self, kind: VariableKind, index: int) -> float:
-        """Return a value.
+    def get(self, kind: VariableKind, index: int, system: int = 1) -> float:
+        """Return a value; Q-variables are those of a coordinate system.
 
         Raises:
             PmacError: 003, no such variable.
         """
         # P first and without a call: a program reads some thousands of them a second.
-        value = self._p.get(index) if kind is VariableKind.P else self._table(kind).get(index)
+        value = self._p.get(index) if kind is VariableKind.P else self._read(kind, index, system)
         if value is None:
-            _check(kind, index)
+            self._check(kind, index)
             return 0.0
         return value
 
-    def set(self, kind: VariableKind, index: int, value: float) -> None:
-        """Store a value.
+    def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
+        """Store a value; an I-variable of limited range wraps without a word, as on the card.
 
         Raises:
             PmacError: 003, no such variable.
         """
-        _check(kind, index)
+        self._check(kind, index)
         if kind is VariableKind.I:
-            value = max(-GREATEST_SETTING, min(value, GREATEST_SETTING))
-            if index % 100 not in MODAL_NUMBERS:
-                self.i_revision += 1
-        self._table(kind)[index] = value
+            self._set_i(index, value)
+        elif kind is VariableKind.M and index in self.pointers and self.memory is not None:
+            self.memory.write(self.pointers[index], value)
+        else:
+            self._table(kind, system)[index] = value
 
     def i(self, index: int) -> float:
         """Return an I-variable."""
@@ -73,23 +70,70 @@ class VariableStore:
         """Return Ix`number` of a motor."""
         return self._i.get(100 * motor + number, 0.0)
 
+    def system(self, system: int, number: int) -> float:
+        """Return Ix`number` of a coordinate system."""
+        return self._i.get(self.dialect.system_index(system, number), 0.0)
+
+    def setting(self, setting: Setting, owner: int = 1) -> float:
+        """Return a setting that has another number in another family; `owner` is a motor or a system."""
+        return self._i.get(self.dialect.index(setting, owner), 0.0)
+
     def blend_ms(self, system: int, number: int) -> float:
         """Return Ix87 (TA) or Ix88 (TS) of a coordinate system as the card takes it: whole ms, never negative."""
-        return float(max(0, math.floor(self.i(coordinate_variable(system, number)) + 0.5)))
+        return float(max(0, math.floor(self.system(system, number) + 0.5)))
+
+    def view(self, system: int) -> SystemVariables:
+        """Return the variables as a program or a host sees them that is addressed to a coordinate system."""
+        return SystemVariables(self, system)
 
     def replace_i(self, values: Mapping[int, float]) -> None:
         """Put a whole set of I-variables in the place of the present one (a reset)."""
         self._i = dict(values)
         self.i_revision += 1
 
-    def _table(self, kind: VariableKind) -> dict[int, float]:
-        if kind is VariableKind.P:
-            return self._p
-        if kind is VariableKind.M:
-            return self._m
-        return self._i if kind is VariableKind.I else self._q
+    def _set_i(self, index: int, value: float) -> None:
+        value = max(-GREATEST_SETTING, min(value, GREATEST_SETTING))
+        limits = self.dialect.ranges.get(index)
+        if limits is not None:
+            lowest, count = limits
+            value = float(lowest + (math.floor(value + 0.5) - lowest) % count)
+        if index % 100 not in MODAL_NUMBERS:
+            self.i_revision += 1
+        self._i[index] = value
+
+    def _read(self, kind: VariableKind, index: int, system: int) -> float | None:
+        if kind is VariableKind.M and index in self.pointers and self.memory is not None:
+            return self.memory.read(self.pointers[index])
+        return self._table(kind, system).get(index)
+
+    def _table(self, kind: VariableKind, system: int) -> dict[int, float]:
+        match kind:
+            case VariableKind.I:
+                return self._i
+            case VariableKind.P:
+                return self._p
+            case VariableKind.Q:
+                return self._q.setdefault(system, {})
+            case VariableKind.M:
+                return self._m
+
+    def _check(self, kind: VariableKind, index: int) -> None:
+        if not 0 <= index <= self.dialect.highest_index:
+            highest = self.dialect.highest_index
+            raise PmacError(ErrorCode.DATA_ERROR, f"{kind}{index} does not exist; 0 to {highest}")
 
 
-def _check(kind: VariableKind, index: int) -> None:
-    if not 0 <= index <= HIGHEST_INDEX:
-        raise PmacError(ErrorCode.DATA_ERROR, f"{kind}{index} does not exist; 0 to {HIGHEST_INDEX}")
+class SystemVariables:
+    """The variables with the Q-variables of one coordinate system."""
+
+    def __init__(self, store: VariableStore, system: int) -> None:
+        self.store = store
+        self.number = system
+
+    def get(self, kind: VariableKind, index: int) -> float:
+        """Return a value, see `VariableStore.get`."""
+        return self.store.get(kind, index, self.number)
+
+    def set(self, kind: VariableKind, index: int, value: float) -> None:
+        """Store a value, see `VariableStore.set`."""
+        self.store.set(kind, index, value, self.number)

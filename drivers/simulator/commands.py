@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.pmac.axes import scan_definition
-from drivers.pmac.dialect import MOTOR_COUNT, PMAC
+from drivers.pmac.dialect import PMAC
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.expressions import parse_expression
@@ -57,8 +57,8 @@ def _address_motor(scanner: Scanner, context: Context) -> None:
     if number is None:
         context.lines.append(str(context.motor_number))
         return
-    if not 1 <= number <= MOTOR_COUNT:
-        raise PmacError(ErrorCode.DATA_ERROR, f"motor {number}, 1 to {MOTOR_COUNT}")
+    if not 1 <= number <= PMAC.motor_count:
+        raise PmacError(ErrorCode.DATA_ERROR, f"motor {number}, 1 to {PMAC.motor_count}")
     if scanner.accept("->"):
         _define_axis(scanner, context, number)
         return
@@ -209,7 +209,7 @@ def _reset(_: Scanner, context: Context) -> None:
 
 
 def _factory_reset(_: Scanner, context: Context) -> None:
-    context.controller.reset(PMAC.factory_variables())
+    context.controller.reset(PMAC.factory)
 
 
 def _say(report: Callable[[Context], str]) -> Callable[[Scanner, Context], None]:
@@ -230,9 +230,9 @@ COMMANDS: dict[str, _Handler] = {
     "J": _jog,
     "HM": _home,
     "HOME": _home,
-    "VERSION": _say(lambda _: PMAC.version_reply),
-    "VER": _say(lambda _: PMAC.version_reply),
-    "TYPE": _say(lambda _: PMAC.type_reply),
+    "VERSION": _say(lambda _: PMAC.replies["VERSION"]),
+    "VER": _say(lambda _: PMAC.replies["VERSION"]),
+    "TYPE": _say(lambda _: PMAC.replies["TYPE"]),
     "OPENPROG": buffers.open_program,
     "CLEAR": buffers.clear_program,
     "CLR": buffers.clear_program,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from drivers.pmac.dialect import PMAC
 from drivers.pmac.execution import FEEDRATE_AXES
 from drivers.pmac.language.text import format_number
 from drivers.pmac.settings import PARTS_PER_COUNT
-from drivers.pmac.status import GLOBAL_BITS, MOTOR_BITS, SYSTEM_BITS, encode
+from drivers.pmac.status import encode
 from drivers.simulator.controller import Controller
 from drivers.simulator.motor import Motor
 
@@ -45,7 +46,7 @@ def motor_status(controller: Controller, motor: Motor) -> str:
         "in_position": motor.in_position and not in_program,
     }
     number = system.number - 1 if system is not None else 0
-    return encode((name for name, holds in conditions.items() if holds), MOTOR_BITS, (0, number << 20))
+    return encode((name for name, holds in conditions.items() if holds), PMAC.motor_bits, (0, number << 20))
 
 
 def system_status(controller: Controller, number: int) -> str:
@@ -65,7 +66,7 @@ def system_status(controller: Controller, number: int) -> str:
         "pvt_or_spline": system.modes.mode == "PVT",
         "rapid": system.modes.mode == "PVT",
     }
-    return encode((name for name, holds in conditions.items() if holds), SYSTEM_BITS)
+    return encode((name for name, holds in conditions.items() if holds), PMAC.system_bits)
 
 
 def global_status(controller: Controller) -> str:
@@ -73,7 +74,7 @@ def global_status(controller: Controller) -> str:
     names = ["this_card_addressed"]
     if controller.open_buffer is not None:
         names.append("motion_buffer_open")
-    return encode(names, GLOBAL_BITS)
+    return encode(names, PMAC.global_bits)
 
 
 def _warning(motor: Motor) -> bool:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.pmac.status import GLOBAL_BITS, MOTOR_BITS, SYSTEM_BITS, decode, encode
+from drivers.pmac.dialect import PMAC
+from drivers.pmac.status import decode, encode
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
@@ -30,7 +31,7 @@ def words(bench: Bench, line: str) -> tuple[set[int], set[int]]:
 
 
 def test_the_worked_example_of_the_manual_is_read_as_printed() -> None:
-    assert decode("812000804401", MOTOR_BITS) == {
+    assert decode("812000804401", PMAC.motor_bits) == {
         "activated",
         "integration_mode",
         "desired_velocity_zero",
@@ -48,7 +49,7 @@ def test_the_worked_example_of_the_manual_is_what_a_homed_motor_answers(closed: 
 
 
 def test_the_example_of_a_coordinate_system_is_read_as_printed() -> None:
-    names = decode("A8002A020010", SYSTEM_BITS)
+    names = decode("A8002A020010", PMAC.system_bits)
     assert names >= {"x_feedrate", "y_feedrate", "z_feedrate", "by_move_time", "single_step", "in_position"}
     assert "running_program" not in names
     assert "x_incremental" not in names
@@ -183,7 +184,7 @@ def test_the_global_status_tells_an_open_buffer(bench: Bench) -> None:
     assert words(bench, "???") == ({0}, {19})
 
 
-@pytest.mark.parametrize("table", [MOTOR_BITS, SYSTEM_BITS, GLOBAL_BITS])
+@pytest.mark.parametrize("table", [PMAC.motor_bits, PMAC.system_bits, PMAC.global_bits])
 def test_every_bit_is_one_bit_and_survives_the_way_to_the_host(table: dict[str, tuple[int, int]]) -> None:
     assert len(set(table.values())) == len(table)
     for name in table:
@@ -194,7 +195,7 @@ def test_every_bit_is_one_bit_and_survives_the_way_to_the_host(table: dict[str, 
 @pytest.mark.parametrize("digits", ["", "81200080440", "812000", "81200080440G", "8120008044010"])
 def test_what_is_no_status_is_refused(digits: str) -> None:
     with pytest.raises(ValueError, match=r".*"):
-        decode(digits, MOTOR_BITS)
+        decode(digits, PMAC.motor_bits)
 
 
 def test_a_reset_keeps_the_settings_of_the_machine_and_forgets_where_it_stands(closed: Bench) -> None:

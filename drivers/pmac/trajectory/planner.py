@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.pmac.axes import AxisDefinition
+from drivers.pmac.dialect import Setting
 from drivers.pmac.execution import (
     BlendBreak,
     DwellRequest,
@@ -168,7 +169,7 @@ class MotionPlanner:
 
     def _limits(self) -> Limits:
         """Ix16 and Ix17 count only while moves are not segmented (I13 = 0)."""
-        if self._variables.i(13) != 0.0:
+        if self._variables.setting(Setting.SEGMENT_MS, self._system) != 0.0:
             none = tuple(0.0 for _ in self._definitions)
             return Limits(velocity=none, acceleration=none)
         return Limits(
