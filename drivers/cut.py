@@ -7,7 +7,7 @@ servo at the lobe frequency. Findings carry codes `cut.*`; refusals stop the cut
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import pairwise
 
@@ -46,7 +46,10 @@ class Strategy(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPlan:
-    """Everything that is known before anything moves. Start positions are counts of tool, spindle, carriage."""
+    """Everything that is known before anything moves. Start positions are counts of tool, spindle, carriage.
+
+    `checked` is the whole motion of the program, move by move.
+    """
 
     strategy: Strategy
     wanted: Sinusoid
@@ -60,6 +63,7 @@ class CutPlan:
     segment_ms: float
     duration_s: float
     findings: tuple[Finding, ...]
+    checked: CheckedProgram = field(repr=False, compare=False)
 
 
 def plan_cut(
@@ -76,13 +80,12 @@ def plan_cut(
     """
     wanted = wanted_path(job)
     turned = float(from_turn * machine.spindle.counts_per_rev)
+    setup = cut_setup(job, machine, turned + first_spindle_counts(job, machine, strategy))
     if strategy is Strategy.PAPER:
-        setup = cut_setup(job, machine, turned + spindle_start_counts(job, machine))
         refuse_endless(2 * job.jaws * setup.turns)
         text = paper_program(job, machine, setup, DEFAULT_TS_MS if ts_ms is None else ts_ms)
         tool_start = setup.surface
     else:
-        setup = cut_setup(job, machine, turned)
         flat = replace(wanted, amplitude_um=0.0)
         command = _inverse(job, machine, wanted) if strategy is Strategy.PVT else flat
         text = pvt_program(job, setup, command)
@@ -109,7 +112,13 @@ def plan_cut(
             *_servo_findings(loop, checked, machine, job, speed_rpm),
             *_length_findings(job),
         ),
+        checked=checked,
     )
+
+
+def first_spindle_counts(job: Job, machine: MachineProfile, strategy: Strategy) -> float:
+    """Return where the spindle begins a cut that is planned from turn 0, in counts from its index."""
+    return spindle_start_counts(job, machine) if strategy is Strategy.PAPER else 0.0
 
 
 def _checked(text: str, machine: MachineProfile, start: dict[int, float]) -> tuple[ProgramText, CheckedProgram]:

@@ -35,6 +35,10 @@ def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignme
 
 def over_part(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> bool:
     """Return whether any of the tool's flat is between the face of a part and the jaws."""
+    return behind_face_mm(snapshot, machine, overhang_mm) + 0.5 * machine.tool.wiper_land_mm > 0.0
+
+
+def behind_face_mm(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> float:
+    """Return how far the tool stands behind the face of a part, along Z; negative in front of it."""
     carriage = machine.carriage
-    tip_mm = snapshot.carriage.position / carriage.counts_per_mm + 0.5 * machine.tool.wiper_land_mm
-    return tip_mm > carriage.jaw_face_mm - overhang_mm
+    return snapshot.carriage.position / carriage.counts_per_mm - (carriage.jaw_face_mm - overhang_mm)

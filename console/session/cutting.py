@@ -14,7 +14,7 @@ from console.session.records import RunRecord
 from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, tool_clear
 from console.session.state import Activity, Armed
 from console.session.workplace import Workplace
-from drivers.cut import CutPlan, plan_cut
+from drivers.cut import CutPlan, first_spindle_counts, plan_cut
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.problem import Problem
@@ -105,7 +105,7 @@ def retract(place: Workplace, _: Retract) -> None:
 
 def _nearest_turn(place: Workplace, job: Job, order: Arm) -> int:
     """Return the whole turn nearest to where the spindle stands: each cut leaves it some hundreds further on."""
-    start = plan_cut(job, place.machine, order.strategy).spindle_start
+    start = first_spindle_counts(job, place.machine, order.strategy)
     return round((place.lathe.snapshot().spindle.position - start) / place.machine.spindle.counts_per_rev)
 
 
@@ -125,7 +125,7 @@ def _refuse_unless_ready(place: Workplace, plan: CutPlan, *, starting: bool) -> 
 
 
 def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:
-    place.tell(cut=watch.see(snapshot, stage, place.holding))
+    place.tell(cut=watch.see(snapshot, stage, place.holding, place.state.spindle_rpm))
 
 
 def _hold_if_asked(place: Workplace, _: Snapshot) -> None:
@@ -140,7 +140,7 @@ def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) ->
     held = place.holding
     stage = CutStage.HELD if held else CutStage.DONE
     figures = watch.figures()
-    ended = watch.see(last, stage, held)
+    ended = watch.see(last, stage, held, place.state.spindle_rpm)
     place.tell(cut=ended if figures is None else ended.with_figures(figures), cut_done=not held)
     place.note("held" if held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um)
     if not last.at_rest or not tool_clear(last, plan):

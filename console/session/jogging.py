@@ -6,10 +6,12 @@ Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from console.session.alignment import Alignment, aligned_machine
 from console.session.axis_units import counts_per_unit
 from console.session.clearance import tool_gap_mm
+from console.session.state import Activity, StationState
 from drivers.snapshot import AxisName, Snapshot
 from drivers.travel import LINK_LATENCY_MS
 from profiles.machine import MachineProfile
@@ -30,6 +32,23 @@ FEELING_STEP_MM = 0.01
 
 STEP_TOLERANCE_MM = 0.0005
 """By so much a step may be too long: what is shown with three decimals and what is allowed are the same."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JogEnable:
+    """That jogging was enabled: when it was last used (machine time), and how many stops were settled before."""
+
+    used_s: float
+    stops: int
+
+    def left_s(self, now_s: float) -> float:
+        """Return how long it holds without a jog."""
+        return IDLE_S - (now_s - self.used_s)
+
+    def holds(self, state: StationState, now_s: float) -> bool:
+        """Whether it still holds: not beyond its time, not beyond a stop, not for a machine that is lost."""
+        stopped = state.stop is not None or state.stops != self.stops or state.activity is Activity.LOST
+        return not stopped and self.left_s(now_s) > 0.0
 
 
 def step_of(axis: AxisName, rung: int) -> float:

@@ -127,7 +127,7 @@ class LinkThread:
         self._ending = self._ending or reason
         self._must_leave = self._must_leave or must_leave
         # A signal may come between an order and its beginning, where nothing is known of it yet.
-        if self._opened is not None and (must_leave or self.state.moving or self.state.activity not in IDLE):
+        if self._opened is not None and (must_leave or self.state.may_move or self.state.activity not in IDLE):
             self._opened.stop.stop(reason)
         self._wake.put(None)
 

@@ -86,7 +86,7 @@ def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
         at=place.local_time(),
     )
     alignment = replace(place.state.alignment, clamping=stamp, lost=())
-    place.tell(alignment=alignment, cut=None, cut_done=False, measured=None)
+    place.tell(alignment=alignment, cut=None, cut_done=False, marks_mm=(), measured=None)
 
 
 def switch_on(place: Workplace, _: SwitchOn) -> None:
@@ -209,6 +209,7 @@ def measure(place: Workplace, _: Measure) -> None:
         trace=trace,
         result=result,
         jaw_1_deg=started.job.lobe_phase_deg,
+        marks_mm=place.state.marks_mm,
     )
     place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
     place.end_record()
@@ -265,7 +266,7 @@ ORDERS: dict[type[Any], tuple[Activity, Callable[[Workplace, Any], None]]] = {
     SwitchOn: (Activity.SWITCHING, switch_on),
     SwitchOff: (Activity.SWITCHING, switch_off),
     Home: (Activity.HOMING, home),
-    Approach: (Activity.POSITIONING, approach),
+    Approach: (Activity.APPROACHING, approach),
     Jog: (Activity.JOGGING, jog),
     TakeJaw: (Activity.READY, take_jaw),
     TakeTouchOff: (Activity.READY, take_touch_off),

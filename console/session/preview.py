@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.cut import CutPlan, Strategy, plan_cut
-from drivers.pmac.axes import read_definitions
-from drivers.pmac.check import CheckedProgram, run_through
-from drivers.pmac.settings import settings_with
+from drivers.pmac.check import CheckedProgram
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from profiles.compensation import Sinusoid, free_state_lobe, invert, residual_um_pp, wanted_path
 from profiles.job import Job
@@ -181,17 +179,7 @@ def followed(machine: MachineProfile, command: FloatArray, speed_rpm: float) -> 
 
 def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, FloatArray]:
     """Return spindle angles (deg, in [0, 360)) and infeed (um) of one turn, at points of equal times."""
-    start = {
-        machine.tool.motor: plan.tool_start,
-        machine.spindle.motor: plan.spindle_start,
-        machine.carriage.motor: plan.carriage_start,
-    }
-    checked = run_through(
-        plan.program,
-        settings_with(machine.controller.variables),
-        read_definitions(machine.controller.axis_definitions),
-        start,
-    )
+    checked = plan.checked
     pieces = [piece for move in checked.moves for piece in move.pieces]
     ends_ms = list(accumulate(piece.duration_ms for piece in pieces))
     carriage = checked.motors.index(machine.carriage.motor)

@@ -20,7 +20,6 @@ from profiles.machine import MachineProfile
 KEPT_LOOKS = 240
 """Looks that are shown and judged: some eight seconds."""
 
-SPEED_LOOKS = 40
 PHASE_LOOKS = 60
 LEAST_PHASE_LOOKS = 20
 
@@ -42,16 +41,20 @@ class CutStage(StrEnum):
     HELD = "held"
 
 
+RUNNING = frozenset({CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT})
+"""Stages in which the program of a cut runs."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutProgress:
     """One moment of a cut.
 
-    Angles are degrees of the spindle from its index. `angles_deg` and `errors_um` (tool against the wanted path
-    at the spindle angle of that very instant, infeed positive) are the last looks in the part, oldest first,
-    not to be written to. `phase_error_deg` is how much the tool is behind the wanted path, in spindle degrees,
-    None while too little was seen or there is no lobe to be in phase with. `fraction` is that of the cut length.
-    `figures` are those of the whole cut, once it has ended. `judged` is False where the strategy follows no lobe:
-    the tool error is then the lobe itself, and there is no phase.
+    `speed_rpm` is None while too little was seen of the spindle. Angles are degrees from its index. `angles_deg`
+    and `errors_um` (tool against the wanted path at the spindle angle of that very instant, infeed positive) are
+    the last looks in the part, oldest first, not to be written to. `phase_error_deg` is how much the tool is
+    behind the wanted path, in spindle degrees, None while too little was seen or there is no lobe to be in phase
+    with. `fraction` is that of the cut length. `figures` are those of the whole cut, once it has ended. `judged`
+    is False where the strategy follows no lobe: the tool error is then the lobe itself, and there is no phase.
     """
 
     stage: CutStage
@@ -61,7 +64,7 @@ class CutProgress:
     z_mm: float
     length_mm: float
     left_s: float
-    speed_rpm: float
+    speed_rpm: float | None
     tool_radius_mm: float
     infeed_um: float
     wanted_um: float
@@ -103,11 +106,9 @@ class CutWatch:
         self._peak_um = 0.0
         self._held = False
         self._judged = plan.strategy is not Strategy.NONE
-        self._turns: deque[tuple[float, float]] = deque(maxlen=SPEED_LOOKS)
 
-    def see(self, snapshot: Snapshot, stage: CutStage, holding: bool) -> CutProgress:
-        """Take a look into account and return the moment that it shows."""
-        self._turns.append((snapshot.at_s, snapshot.spindle.position / self._machine.spindle.counts_per_rev))
+    def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
+        """Take a look into account and return the moment that it shows, with the speed of the spindle in it."""
         angle_deg = self._angle_deg(snapshot)
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
         wanted_um = float(self._plan.wanted.at_um(angle_deg))
@@ -125,14 +126,20 @@ class CutWatch:
             self._peak_um = max(self._peak_um, abs(error_um))
         elif stage is CutStage.RUN_UP and self._looks:
             stage = CutStage.RETRACT
-        return self._moment(snapshot, stage, holding, infeed_um, wanted_um)
+        return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, wanted_um)
 
     def figures(self) -> CutFigures | None:
         """Return the figures of the whole cut, None when too little of it was seen."""
         return self._telemetry.figures()
 
     def _moment(
-        self, snapshot: Snapshot, stage: CutStage, holding: bool, infeed_um: float, wanted_um: float
+        self,
+        snapshot: Snapshot,
+        stage: CutStage,
+        holding: bool,
+        speed_rpm: float | None,
+        infeed_um: float,
+        wanted_um: float,
     ) -> CutProgress:
         machine, job = self._machine, self._job
         z_mm = (snapshot.carriage.position - self._face) / machine.carriage.counts_per_mm
@@ -148,7 +155,7 @@ class CutWatch:
             z_mm=min(max(z_mm, 0.0), job.cut_length_mm),
             length_mm=job.cut_length_mm,
             left_s=max(job.cut_length_mm - max(z_mm, 0.0), 0.0) / per_s if per_s else 0.0,
-            speed_rpm=self._speed_rpm(),
+            speed_rpm=speed_rpm,
             tool_radius_mm=machine.tool.home_radius_mm - snapshot.tool.position / machine.tool.counts_per_mm,
             infeed_um=infeed_um,
             wanted_um=wanted_um,
@@ -166,13 +173,6 @@ class CutWatch:
 
     def _angle_deg(self, snapshot: Snapshot) -> float:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
-
-    def _speed_rpm(self) -> float:
-        """Return the slope through the last second or so: the time of a single look is known to some ms only."""
-        if len(self._turns) < 2:
-            return 0.0
-        at_s, turns = np.array(self._turns).T
-        return float(60.0 * np.polyfit(at_s - at_s[0], turns, 1)[0])
 
 
 def phase_error_deg(looks: NDArray[np.float64], wanted: Sinusoid) -> float | None:

@@ -33,6 +33,7 @@ class Activity(StrEnum):
     SWITCHING = "switching"
     HOMING = "homing"
     JOGGING = "jogging"
+    APPROACHING = "approaching"
     POSITIONING = "positioning"
     ARMING = "arming"
     CUTTING = "cutting"
@@ -47,6 +48,7 @@ MOVING = frozenset(
     {
         Activity.HOMING,
         Activity.JOGGING,
+        Activity.APPROACHING,
         Activity.POSITIONING,
         Activity.CUTTING,
         Activity.RETRACTING,
@@ -58,13 +60,17 @@ MOVING = frozenset(
 IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
 """Activities in which the link thread can take an order."""
 
+STALE_S = 1.0
+"""What was seen longer ago than this is not how the machine is."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
     `delivered` is False when the link did not take it. `tool_in_part` is None while it is not known;
-    `can_retract` is whether every loop is closed.
+    `can_retract` is whether every loop is closed. `of_cut` is whether it ended a cut, `mark_mm` where the tool
+    then came to stand in the part, mm behind its face; None where it did not.
     """
 
     reason: str
@@ -74,6 +80,8 @@ class StopState:
     rest_s: float | None = None
     tool_in_part: bool | None = None
     can_retract: bool = False
+    of_cut: bool = False
+    mark_mm: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,13 +100,17 @@ class Armed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredPart:
-    """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and what came of it."""
+    """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and what came of it.
+
+    `marks_mm` is where a stop left the tool in it, mm behind its face.
+    """
 
     job: Job
     strategy: Strategy
     trace: Trace
     result: RoundnessResult
     jaw_1_deg: float
+    marks_mm: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +119,8 @@ class StationState:
 
     `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
     job, that was cut without compensation and measured. `refusals` answer the last order, and go with the next.
+    `spindle_rpm` is None while too little was seen of it. `stops` counts those that were settled. `marks_mm` is
+    where stops left the tool in the clamped part while it turned, mm behind its face.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -118,18 +132,30 @@ class StationState:
     looked_s: float = 0.0
     round_trip_ms: float = 0.0
     snapshot: Snapshot | None = None
+    spindle_rpm: float | None = None
     seen: ShopView | None = None
     alignment: Alignment = field(default_factory=Alignment)
     alarms: Alarms = ()
     refusals: tuple[Problem, ...] = ()
     stop: StopState | None = None
+    stops: int = 0
     armed: Armed | None = None
     cut: CutProgress | None = None
     cut_done: bool = False
+    marks_mm: tuple[float, ...] = ()
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None
 
     @property
     def moving(self) -> bool:
-        """Whether something moves or may move at any moment."""
+        """Whether something moves or is about to, as far as that is known: of a lost machine nothing is."""
+        return self.activity is not Activity.LOST and self.may_move
+
+    @property
+    def may_move(self) -> bool:
+        """Whether something moves, or must be taken to: a machine that was lost in motion."""
         return self.activity in MOVING or (self.snapshot is not None and not self.snapshot.at_rest)
+
+    def is_stale(self, now_s: float) -> bool:
+        """Whether what is shown was seen too long ago, or will not be seen again."""
+        return self.activity is Activity.LOST or now_s - self.looked_s > STALE_S

@@ -14,11 +14,12 @@ from typing import Any
 
 from console.session.alarms import Priority, acknowledged, cleared
 from console.session.alignment import observed
-from console.session.clearance import tool_in_part
+from console.session.clearance import behind_face_mm, tool_in_part
 from console.session.errors import SessionError
 from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, Verify
 from console.session.orders import ORDERS
-from console.session.progress import PHASE_LIMIT_DEG, CutStage
+from console.session.progress import PHASE_LIMIT_DEG, RUNNING, CutStage
+from console.session.spindle import SpindleWatch
 from console.session.state import IDLE, MOVING, Activity, StationState, StopState
 from console.session.workplace import Workplace
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
@@ -44,6 +45,7 @@ class Station:
         self._sight_s = float("-inf")
         self._slot = threading.Lock()
         self._gone = False
+        self._spindle = SpindleWatch(place.loaded_machine.machine.spindle.counts_per_rev)
 
     @property
     def state(self) -> StationState:
@@ -58,6 +60,7 @@ class Station:
         )
         place.tell(
             snapshot=snapshot,
+            spindle_rpm=self._spindle.see(snapshot),
             alignment=alignment,
             at_s=place.clock.now_s(),
             looked_s=place.clock.now_s(),
@@ -131,7 +134,7 @@ class Station:
         """Leave the machine at rest with its drives off, as far as it can be told. Never raises."""
         place, lathe = self._place, self._place.lathe
         if lathe.has_moved:
-            if self.state.moving or lathe.stop.reason is not None:
+            if self.state.may_move or lathe.stop.reason is not None:
                 lathe.stop.stop(reason)
                 self._settle()
             lathe.stop.kill(reason)
@@ -216,11 +219,15 @@ class Station:
             self._guarded_look()
             return
         under_way = before is not None and before.rest_s is None
-        told = StopState(
+        told = replace(
+            before or self._begun_stop(),
             reason=stop.reason or "",
             killed=stop.killed,
             sent_s=before.sent_s if before is not None and under_way else place.clock.now_s(),
             delivered=stop.delivered,
+            rest_s=None,
+            tool_in_part=None,
+            can_retract=False,
         )
         place.tell(stop=told, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
         try:
@@ -229,6 +236,26 @@ class Station:
             self._not_rested(told, unproven)
         else:
             self._rested(told, snapshot)
+
+    def _begun_stop(self) -> StopState:
+        """Return what the state tells of a stop that has just come; what it ended stays with it until F2.
+
+        A tool that comes to rest in a part that still turns cuts a circle there, deeper than its path in places.
+        """
+        place, state = self._place, self._place.state
+        cut = state.cut if state.activity is Activity.CUTTING else None
+        mark_mm = self._behind_face_mm() if cut is not None and cut.stage is CutStage.CUT else None
+        marks_mm = state.marks_mm if mark_mm is None else (*state.marks_mm, mark_mm)
+        place.tell(stops=state.stops + 1, marks_mm=marks_mm)
+        of_cut = cut is not None and cut.stage in RUNNING
+        return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
+
+    def _behind_face_mm(self) -> float | None:
+        """Return where the tool stands in the clamped part, by the last look; None where that is not known."""
+        place, clamping = self._place, self._place.state.alignment.clamping
+        if place.state.snapshot is None or clamping is None:
+            return None
+        return behind_face_mm(place.state.snapshot, place.loaded_machine.machine, clamping.overhang_mm)
 
     def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
         """Nobody can tell how the machine is. A link that is gone stays so; one that is silent is asked again."""
@@ -245,8 +272,13 @@ class Station:
 
     def _rested(self, told: StopState, snapshot: Snapshot) -> None:
         place = self._place
+        mark_mm = None if told.mark_mm is None else self._behind_face_mm()
+        if mark_mm is not None:
+            place.tell(marks_mm=(*place.state.marks_mm[:-1], mark_mm))
+        self._spindle.forget()  # how it came to rest is no speed that it has
         rest = replace(
             told,
+            mark_mm=mark_mm,
             killed=place.lathe.stop.killed,
             delivered=True,
             rest_s=place.clock.now_s(),
@@ -254,7 +286,7 @@ class Station:
             can_retract=snapshot.loops_closed,
         )
         self._note_end(told.reason, proven=True)
-        place.tell(stop=rest, activity=Activity.STOPPED, refusals=())
+        place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
     def _guarded_look(self) -> None:
         """A look at a stopped machine; it stays stopped."""

@@ -15,12 +15,12 @@ from textual.containers import Container
 from textual.driver import Driver
 
 from console.session.control import Control
-from console.session.state import Activity
 from console.text.catalogue import Catalogue
 from console.tui.desk import Desk, View
 from console.tui.driver import StopSent
 from console.tui.frame import Frame, alarm_row, keys_row, next_row, pages_row, state_row, stop_row
 from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge
+from console.tui.held import HeldKeys
 from console.tui.help import LISTS, help_lines
 from console.tui.keymap import Action, PageName
 from console.tui.lines import Line, line, wrapped
@@ -113,6 +113,7 @@ class ConsoleApp(App[None]):
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
         self._help_list = 0
+        self._held = HeldKeys()
         self._previewer = Previewer()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._help = Sheet(palette, id="help")
@@ -153,6 +154,7 @@ class ConsoleApp(App[None]):
         desk = self.desk
         desk.control.beat()
         state = desk.control.state
+        desk.forget_stale_answer(state)
         if desk.work is not None and self._wants_preview(state.alignment.settings is not None):
             desk.work = self._previewer.refreshed(desk.work, state.alignment)
         self.screen.set_class(self._is_small, "small")
@@ -206,7 +208,7 @@ class ConsoleApp(App[None]):
         """Leave, unless something moves."""
         state, work = self.desk.control.state, self.desk.work
         unsaved = work is not None and work.edited and work.job is not self._given_up
-        if state.moving and state.activity is not Activity.LOST:
+        if state.moving:
             self.desk.said = (Problem(code="screen.quit_moving"),)
         elif work is not None and unsaved:
             self._given_up = work.job
@@ -264,7 +266,7 @@ class ConsoleApp(App[None]):
         now = Situation(
             page=self._page,
             field=page.field,
-            moving=self.desk.control.state.moving,
+            moving=self.desk.control.state.may_move,
             small=self._is_small,
         )
         verdict, action = judge(event.key, event.character, now)
@@ -287,9 +289,12 @@ class ConsoleApp(App[None]):
 
     def _do(self, action: Action, page: Page) -> None:
         kind, _, rest = action.id.partition(".")
+        repeats = self._held.repeats(action, self.desk.control.now_s())
         if action.moves and self._is_cramped:
             columns, rows = SMALLEST_TO_MOVE
             self.desk.said = (Problem(code="screen.cramped", limit=f"{columns} x {rows}"),)
+        elif repeats:
+            self.desk.said = (Problem(code="screen.key_repeats"),)
         elif kind == "page":
             self.go(PageName(rest))
         elif action.id == "help":
@@ -344,5 +349,5 @@ class ConsoleApp(App[None]):
 
     def _pasted(self) -> None:
         """What is pasted outside a text was not typed: it does nothing, and stops what moves."""
-        if self.desk.control.state.moving:
+        if self.desk.control.state.may_move:
             self.stop_now("unbound")

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.session.control import Control
-from console.session.state import StationState
+from console.session.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName
 from console.tui.theme import Palette
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
+
+Moment = tuple[Activity, bool, bool]
+"""What the machine does, whether a cut is armed, whether a stop is in force: what most answers speak of."""
 
 
 class Desk:
@@ -39,7 +42,26 @@ class Desk:
         self.data = data
         self.go = go
         self.work: Work | None = None
-        self.said: tuple[Problem, ...] = ()
+        self._said: tuple[Problem, ...] = ()
+        self._said_at: Moment | None = None
+
+    @property
+    def said(self) -> tuple[Problem, ...]:
+        """The answer to the last key."""
+        return self._said
+
+    @said.setter
+    def said(self, problems: tuple[Problem, ...]) -> None:
+        self._said, self._said_at = problems, _moment(self.control.state)
+
+    def say_why_stopped(self, problem: Problem) -> None:
+        """Say for what the machine is being stopped: it stays said until the next key."""
+        self._said, self._said_at = (problem,), None
+
+    def forget_stale_answer(self, state: StationState) -> None:
+        """An answer that was given to another state of the machine may not be true any more."""
+        if self._said_at is not None and self._said_at != _moment(state):
+            self._said, self._said_at = (), None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,3 +71,7 @@ class View:
     state: StationState
     work: Work | None
     now_s: float
+
+
+def _moment(state: StationState) -> Moment:
+    return state.activity, state.armed is not None, state.stop is not None

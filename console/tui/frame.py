@@ -7,18 +7,16 @@ from datetime import datetime
 
 from rich.cells import cell_len
 
-from console.session.alarms import Priority, foremost
+from console.session.alarms import Alarm, Priority, foremost
 from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName, actions_of
 from console.tui.lines import Line, dim, fitted, line, ranged, width_of
+from console.tui.pages.fields import named
 from console.tui.theme import Token
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-
-STALE_S = 1.0
-"""Age from which a state is shown as old."""
 
 _MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
 
@@ -57,13 +55,10 @@ def state_row(frame: Frame, width: int) -> Line:
 def _age(frame: Frame) -> Line:
     """How long the last look took, or how long ago it was."""
     state = frame.state
-    if state.activity is Activity.LOST and state.snapshot is not None:
-        age_s = frame.now_s - state.looked_s
-        return ((frame.text("frame.stale", age=f"{age_s:.0f}"), Token.WARNING),)
     if state.snapshot is None:
         return (dim(frame.text("frame.no_link")),)
-    age_s = frame.now_s - state.looked_s
-    if age_s > STALE_S:
+    if state.is_stale(frame.now_s):
+        age_s = frame.now_s - state.looked_s
         return ((frame.text("frame.stale", age=f"{age_s:.0f}"), Token.WARNING),)
     return (dim(frame.text("frame.link", ms=f"{state.round_trip_ms:.0f}")),)
 
@@ -71,24 +66,28 @@ def _age(frame: Frame) -> Line:
 def alarm_row(frame: Frame, width: int) -> Line:
     """The alarm that wants attention most, with how many there are; else the answer to the last key."""
     text, alarms = frame.text, frame.state.alarms
-    alarm = foremost(alarms)
-    if alarm is not None and not alarm.acknowledged:
-        said = f" {_MARKS[alarm.priority]} {text.problem(alarm.problem)}"
+    unseen = _unseen_alarm(frame.state)
+    if unseen is not None:
         more = text("frame.acknowledge", count=len(alarms))
-        return ranged(((said, Token.ALARM),), ((f" {more} ", Token.ALARM),), width)
+        return ranged(((_alarm(text, unseen), Token.ALARM),), ((f" {more} ", Token.ALARM),), width)
     answer = frame.said or frame.state.refusals
     if answer:
         more = f" +{len(answer) - 1}" if len(answer) > 1 else ""
-        return line((fitted(f" – {text.problem(answer[0])}{more}", width), Token.WARNING))
-    if alarm is not None:
-        return line((fitted(f" {_MARKS[alarm.priority]} {text.problem(alarm.problem)}", width), Token.WARNING))
+        return line((fitted(f" – {text.problem(named(answer[0], text))}{more}", width), Token.WARNING))
+    seen = foremost(alarms)
+    if seen is not None:
+        return line((fitted(_alarm(text, seen), width), Token.WARNING))
     return line(dim(f" · {text('frame.no_alarms')}"))
 
 
-def alarm_wants_attention(state: StationState) -> bool:
-    """Whether an alarm is there that nobody has seen."""
+def _unseen_alarm(state: StationState) -> Alarm | None:
+    """Return the foremost alarm, where nobody has seen it yet."""
     alarm = foremost(state.alarms)
-    return alarm is not None and not alarm.acknowledged
+    return None if alarm is None or alarm.acknowledged else alarm
+
+
+def _alarm(text: Catalogue, alarm: Alarm) -> str:
+    return f" {_MARKS[alarm.priority]} {text.problem(alarm.problem)}"
 
 
 def pages_row(frame: Frame, width: int) -> Line:
@@ -106,8 +105,8 @@ def next_row(frame: Frame, width: int) -> Line:
     text, state = frame.text, frame.state
     step: Line = frame.next_step
     answer = frame.said or state.refusals
-    if answer and alarm_wants_attention(state):
-        return line((fitted(f" – {text.problem(answer[0])}", width), Token.WARNING))
+    if answer and _unseen_alarm(state) is not None:
+        return line((fitted(f" – {text.problem(named(answer[0], text))}", width), Token.WARNING))
     if state.activity is Activity.LOST:
         step = line((text("frame.lost"), Token.ACTION))
     elif state.activity is Activity.CONNECTING:
@@ -140,7 +139,7 @@ def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -
     if stop is not None and stop.rest_s is not None:
         how = text("frame.by_kill" if stop.killed else "frame.by_ramp")
         return f"{text('frame.at_rest_after', seconds=f'{stop.rest_s - stop.sent_s:.1f}', how=how)} ", Token.TEXT
-    if state.activity is Activity.CUTTING and state.cut is not None:
+    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
         seconds = spindle_stop_s(machine, state.cut.speed_rpm)
         return f"{text('frame.spindle_needs', seconds=f'{seconds:.1f}')} ", Token.TEXT
     if state.moving:

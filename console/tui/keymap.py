@@ -27,6 +27,7 @@ class Action:
     """One action. `shown` is how its key is written in the help, with the words `key_help.<id>` of the catalogues.
 
     The key row writes `row` where that differs, "" leaves the action out there, with the words `key.<id>`.
+    `once`: a key that is held down does it once.
     """
 
     id: str
@@ -35,15 +36,13 @@ class Action:
     row: str | None = None
     page: PageName | None = None
     moves: bool = False
+    once: bool = False
 
 
 STOP_KEYS = ("space", "escape", "f12")
 """Space and F12 anywhere but in free text, where it is F12; Escape second: a terminal may lose it."""
 
 KILL_KEYS = ("f9",)
-
-REPEAT_S = 0.8
-"""Presses of one key that come sooner than this are the terminal's repeats of a key that is held."""
 
 _EVERYWHERE = (
     *(
@@ -79,8 +78,8 @@ _PREVIEW = (
 )
 
 _ALIGN = (
-    Action(id="align.step", keys=("f4",), shown="F4", page=PageName.ALIGN, moves=True),
-    Action(id="align.take", keys=("enter",), shown="Enter", page=PageName.ALIGN),
+    Action(id="align.step", keys=("f4",), shown="F4", page=PageName.ALIGN, moves=True, once=True),
+    Action(id="align.take", keys=("enter",), shown="Enter", page=PageName.ALIGN, once=True),
     Action(id="align.enable", keys=("j", "ㅓ"), shown="j", page=PageName.ALIGN),
     Action(id="align.in", keys=("down",), shown="↓", row="", page=PageName.ALIGN, moves=True),
     Action(id="align.out", keys=("up",), shown="↑", row="↑↓", page=PageName.ALIGN, moves=True),
@@ -95,10 +94,10 @@ _ALIGN = (
 )
 
 _RUN = (
-    Action(id="run.arm", keys=("f5",), shown="F5", page=PageName.RUN),
-    Action(id="run.start", keys=("f6",), shown="F6", page=PageName.RUN, moves=True),
-    Action(id="run.hold", keys=("f7",), shown="F7", page=PageName.RUN, moves=True),
-    Action(id="run.retract", keys=("f8",), shown="F8", page=PageName.RUN, moves=True),
+    Action(id="run.arm", keys=("f5",), shown="F5", page=PageName.RUN, once=True),
+    Action(id="run.start", keys=("f6",), shown="F6", page=PageName.RUN, moves=True, once=True),
+    Action(id="run.hold", keys=("f7",), shown="F7", page=PageName.RUN, moves=True, once=True),
+    Action(id="run.retract", keys=("f8",), shown="F8", page=PageName.RUN, moves=True, once=True),
 )
 
 _INSPECT = (

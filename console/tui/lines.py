@@ -13,6 +13,8 @@ from console.tui.theme import Palette, Token
 Piece = tuple[str, Token]
 Line = tuple[Piece, ...]
 BLANK: Line = ()
+NOTHING = "–"
+"""Stands where there is no value, or none that may be judged."""
 
 
 def line(*pieces: str | Piece) -> Line:
@@ -35,6 +37,18 @@ def fitted(text: str, width: int) -> str:
     if cell_len(text) <= width:
         return set_cell_size(text, width)
     return set_cell_size(set_cell_size(text, max(width - 1, 0)) + "…", width) if width > 0 else ""
+
+
+def to_the_right(text: str, width: int) -> str:
+    """Return a text filled up with blanks on its left."""
+    return " " * max(width - cell_len(text), 0) + text
+
+
+def clipped(lines: list[Line], height: int) -> list[Line]:
+    """Return what fits; where something does not, the last row says so."""
+    if len(lines) <= height:
+        return lines
+    return [*lines[: max(height - 1, 0)], (dim("…"),)][: max(height, 0)]
 
 
 def ranged(left: Line, right: Line, width: int) -> Line:

@@ -58,6 +58,7 @@ class SimulatedLathe:
         self._gains_revision = self.controller.variables.i_revision
         self._ports: list[Port] = []
         self._part: Workpiece | None = None
+        self._released: Workpiece | None = None
         self._nominal_radius_mm = 0.0
         self._free_end_mm = true.jaw_face_mm
         self._debt_cycles = 0.0
@@ -86,25 +87,28 @@ class SimulatedLathe:
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for `job`."""
-        true = self._true
+        true, self._released = self._true, None
         self._free_end_mm = true.jaw_face_mm - job.overhang_mm
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
         self._part = Workpiece(true.blank(job), (middle_mm,), true.wiper_land_mm)
         self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
 
     def measure(self) -> Trace:
-        """Release the part and take its trace in the middle of the cut."""
-        if self._part is None:
+        """Release the part and take its trace in the middle of the cut; until another is clamped, once more."""
+        if self._part is not None:
+            self._part, self._released = None, self._part
+        if self._released is None:
             raise RuntimeError("no part is mounted")
-        return measure_released(self._part, MID_LENGTH, self._nominal_radius_mm)
+        return measure_released(self._released, MID_LENGTH, self._nominal_radius_mm)
 
     def look(self) -> ShopView:
         """Look at the chuck, as an operator does who knows nothing of counts and zeros.
 
-        A chuck that was mounted as each job says has its jaw 1 at the index while no part is clamped.
+        A chuck that was mounted as each job says has its jaw 1 at the index until a part was clamped.
         """
         machine, true, part = self._machine, self._true, self._part
-        jaw_1_deg = part.blank.jaw_1_deg if part else true.jaw_1_deg or 0.0
+        last = part or self._released
+        jaw_1_deg = last.blank.jaw_1_deg if last else true.jaw_1_deg or 0.0
         return look_at(
             part,
             (self._free_end_mm, true.jaw_face_mm),

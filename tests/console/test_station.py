@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from console.session.intents import (
+    Approach,
     ConfirmClamping,
     Forget,
     Hold,
@@ -51,9 +52,9 @@ def hold(floor: Floor) -> None:
     assert floor.station.post(Hold())
 
 
-def in_the_part(floor: Floor) -> bool:
+def in_the_part(floor: Floor, turn: float = 20.0) -> bool:
     cut = floor.state.cut
-    return cut is not None and cut.stage is CutStage.CUT and cut.turn > 20.0
+    return cut is not None and cut.stage is CutStage.CUT and cut.turn > turn
 
 
 def test_an_aligned_part_comes_out_round(aligned: Floor) -> None:
@@ -132,6 +133,97 @@ def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
     assert aligned.do(Start()).cut_done
     measured = aligned.do(Measure()).measured
     assert measured is not None and measured.result.ront_um < 0.3
+
+
+def test_a_stop_in_mid_cut_says_where_it_marked_the_part(aligned: Floor) -> None:
+    """The part goes on turning before a tool that stands still; another cut at the same depth does not reach that.
+
+    The part is measured in the middle of its 8 mm, where this stop comes. The path is 100 ± 27.5 um deep: of the
+    lobe that it mirrors, the tool has taken away what is less deep than where it stood.
+    """
+    job = experiment_1()
+    aligned.arm(job)
+    half_done = 4.0 / job.feed_mm_per_rev - 0.6
+    aligned.when(lambda _: in_the_part(aligned, half_done), lambda: aligned.stop.stop("space"))
+    state = aligned.do(Start())
+    assert state.stop is not None and state.stop.of_cut and state.snapshot is not None
+    # The face is 30 mm before the jaws at 200 mm; the carriage has 1000 counts a mm.
+    assert state.marks_mm == (state.stop.mark_mm,)
+    assert state.stop.mark_mm == pytest.approx(state.snapshot.carriage.position / 1000.0 - 170.0)
+    assert state.stop.mark_mm == pytest.approx(4.0, abs=0.1)
+    assert aligned.place.plan is not None
+    stood_um = 0.2 * (state.snapshot.tool.position - aligned.place.plan.setup.surface)
+    aligned.do(Recover())
+    aligned.do(Retract())
+    aligned.arm(job)
+    assert aligned.do(Start()).marks_mm == state.marks_mm
+    measured = aligned.do(Measure()).measured
+    assert measured is not None and measured.marks_mm == state.marks_mm
+    assert measured.result.ront_um == pytest.approx(min(max(stood_um - 72.5, 0.0), 55.0), abs=1.5)
+    assert aligned.do(ConfirmClamping(job=job)).marks_mm == ()
+
+
+def test_a_hold_and_a_stop_beside_the_part_leave_no_mark(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), lambda: hold(aligned))
+    assert aligned.do(Start()).marks_mm == ()
+    aligned.arm(experiment_1())
+    aligned.when(lambda s: s.program_running, lambda: aligned.stop.stop("space"))
+    state = aligned.do(Start())
+    assert state.stop is not None and state.marks_mm == () and state.stop.mark_mm is None
+
+
+def test_another_stop_belongs_to_what_the_first_one_ended(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    first = aligned.do(Start())
+    aligned.stop.stop("escape")
+    again = aligned.idle()
+    assert first.stop is not None and again.stop is not None
+    assert again.stop.rest_s is not None and first.stop.rest_s is not None
+    assert again.stop.rest_s > first.stop.rest_s
+    assert again.stop.of_cut and len(again.marks_mm) == 1
+    aligned.do(Recover())
+    aligned.stop.stop("space")
+    later = aligned.idle()
+    assert later.stop is not None and not later.stop.of_cut and later.stops > first.stops
+
+
+def test_proven_rest_and_a_turning_spindle_do_not_stand_side_by_side(aligned: Floor) -> None:
+    """The speed is told over the last second; the way to rest is no part of it once rest is proven."""
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
+    speeds: list[float | None] = []
+    aligned.looks.append(lambda _: speeds.append(aligned.state.spindle_rpm))
+    state = aligned.do(Start())
+    assert max(speed for speed in speeds if speed is not None) == pytest.approx(1000.0, abs=3.0)
+    for _ in range(10):
+        assert state.stop is not None and state.stop.rest_s is not None
+        assert state.spindle_rpm is None or abs(state.spindle_rpm) < 1.0
+        state = aligned.idle(0.1)
+
+
+def test_the_way_to_the_touch_off_is_told_from_the_way_to_a_cut(aligned: Floor) -> None:
+    seen: list[Activity] = []
+    aligned.looks.append(lambda _: seen.append(aligned.state.activity))
+    aligned.do(Approach(job=experiment_1()))
+    assert Activity.APPROACHING in seen and Activity.POSITIONING not in seen
+    aligned.arm(experiment_1())
+    seen.clear()
+    aligned.do(Start())
+    assert Activity.POSITIONING in seen and Activity.APPROACHING not in seen
+
+
+def test_a_measured_part_is_not_in_the_chuck_any_more(aligned: Floor) -> None:
+    aligned.arm(experiment_1())
+    aligned.do(Start())
+    before = aligned.do(Measure()).seen
+    aligned.do(SwitchOn())
+    aligned.do(Approach(job=experiment_1()))
+    after = aligned.idle().seen
+    assert after is not None and after.tool_gap_mm is None
+    # The chuck is the same, so jaw 1 is where it was: the spindle has not been turned.
+    assert before is not None and after.jaw_1_past_mark_deg == pytest.approx(before.jaw_1_past_mark_deg, abs=0.02)
 
 
 def test_a_hold_leaves_whole_turns_and_the_tool_out(aligned: Floor) -> None:
@@ -351,6 +443,23 @@ def test_a_link_that_is_gone_is_told_once_and_nothing_is_ordered_any_more(
         state = aligned.idle(0.1)
     assert state.activity is Activity.LOST and [alarm.count for alarm in state.alarms] == [1]
     assert not aligned.station.post(Recover())
+
+
+def test_of_a_machine_that_is_lost_in_motion_nothing_is_known_but_it_may_move(
+    aligned: Floor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unplug() -> None:
+        for name in ("send", "receive", "send_urgent"):
+            monkeypatch.setattr(aligned.link, name, gone)
+
+    def gone(*_: object) -> bytes:
+        raise LinkError(Problem(code="link.lost", value="unplugged"))
+
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_the_part(aligned), unplug)
+    state = aligned.do(Start())
+    assert state.activity is Activity.LOST
+    assert state.may_move and not state.moving and state.is_stale(state.looked_s)
 
 
 def test_a_fault_of_the_console_stops_the_machine_and_leaves_the_thread_alive(aligned: Floor) -> None:

@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff
-from console.session.intents import Intent
+from console.session.alignment import Alignment
 from console.session.progress import CutProgress, CutStage
 from console.session.state import Activity, StationState, StopState
 from console.session.telemetry import CutFigures
 from console.session.work import Work
 from console.tui.desk import View
 from console.tui.pages.run import RunPage
-from drivers.snapshot import AxisState, Snapshot
+from drivers.snapshot import Snapshot
+from tests.tui.machine_states import ON, REST, aligned, look_at
+from tests.tui.page_stage import shown_on
 from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
 
-ON = frozenset({"desired_velocity_zero", "in_position", "amplifier_enabled", "home_complete"})
-OFF = frozenset({"desired_velocity_zero", "in_position", "open_loop", "home_complete"})
-VALID = Alignment(
-    settings=(),
-    drives_on=True,
-    homed=True,
-    clamping=Clamping(force_n=1314.0, diameter_mm=52.0, overhang_mm=30.0, at="08:40"),
-    jaw=JawAngle(angle_deg=12.6, at="08:45"),
-    touch_off=TouchOff(zero_radius_mm=76.0, at="08:46"),
-)
+OFF = REST | {"open_loop", "home_complete"}
+VALID = aligned(76.0)
 SURFACE_COUNTS = 250_000.0
 """50 mm in from a zero at 76 mm: the radius of the part, 26 mm."""
 
@@ -57,17 +51,7 @@ def look(
     at_s: float = 100.0,
     running: bool = False,
 ) -> Snapshot:
-    def axis(position: float) -> AxisState:
-        return AxisState(position=position, following_error=0.0, flags=flags)
-
-    return Snapshot(
-        at_s=at_s,
-        tool=axis(tool),
-        spindle=axis(spindle),
-        carriage=axis(carriage),
-        program_running=running,
-        runtime_error=False,
-    )
+    return look_at(flags, tool=tool, spindle=spindle, carriage=carriage, at_s=at_s, running=running)
 
 
 def state(alignment: Alignment = VALID, **changes: Any) -> StationState:
@@ -104,58 +88,12 @@ def cutting(**changes: Any) -> StationState:
 
 
 def stopped(**changes: Any) -> StationState:
-    known: dict[str, Any] = {"reason": "space", "killed": False, "sent_s": 98.0, "rest_s": 99.3}
+    """After a stop that ended a cut."""
+    known: dict[str, Any] = {"reason": "space", "killed": False, "sent_s": 98.0, "rest_s": 99.3, "of_cut": True}
     return state(activity=Activity.STOPPED, cut=cut(), stop=StopState(**{**known, **changes}))
 
 
-@dataclass(frozen=True)
-class Shown:
-    """What came of some keys."""
-
-    text: str
-    next_step: str
-    orders: Sequence[Intent]
-    said: Sequence[str]
-
-    @property
-    def words(self) -> str:
-        """The text of the left panels, then that of the right ones, without line breaks and frames."""
-        rows = [row.strip("│").partition("││") for row in self.text.splitlines()]
-        return " ".join(" ".join([row[0] for row in rows] + [row[2] for row in rows]).split())
-
-
-def shown(
-    now: StationState,
-    *actions: str,
-    size: tuple[int, int] = (80, 24),
-    language: str = "en",
-    work: Work | None = None,
-    no_job: bool = False,
-) -> Shown:
-    control = FixedControl(now)
-    job = None if no_job else work or experiment()
-    desk = desk_for(control, Path("/nowhere"), language, job)
-    page = RunPage(desk)
-    view = View(state=now, work=job, now_s=100.0)
-
-    async def run() -> str:
-        app = PageStage(page, view)
-        async with app.run_test(size=(size[0], size[1] - FRAME_ROWS)) as pilot:
-            await pilot.pause()
-            for action in actions:
-                page.act(action)
-            for _ in range(2):
-                page.show(view)
-                await pilot.pause()
-            return grid(app)
-
-    text = asyncio.run(run())
-    return Shown(
-        text=text,
-        next_step="".join(words for words, _ in page.next_step(view)),
-        orders=control.orders,
-        said=[problem.code for problem in desk.said],
-    )
+shown = partial(shown_on, RunPage)
 
 
 STATES = {
@@ -172,11 +110,13 @@ STATES = {
     "not judged": cutting(judged=False, phase_error_deg=None),
     "stopping": stopped(rest_s=None),
     "stop not delivered": stopped(rest_s=None, delivered=False),
-    "stop on the way to the start": replace(stopped(tool_in_part=False), cut=cut(CutStage.POSITION)),
+    "stop on the way to the start": replace(stopped(tool_in_part=False, of_cut=False), cut=cut(CutStage.POSITION)),
     "lost": replace(stopped(rest_s=None, delivered=False), activity=Activity.LOST, looked_s=88.0),
     "never found": StationState(activity=Activity.LOST),
     "stopped in the part": stopped(tool_in_part=True, can_retract=True),
     "killed in the part": stopped(tool_in_part=True, killed=True),
+    "marked": stopped(tool_in_part=True, can_retract=True, mark_mm=4.23),
+    "killed and marked": stopped(tool_in_part=True, killed=True, mark_mm=4.23),
 }
 
 

@@ -37,6 +37,10 @@ class FixedControl:
     def now_s(self) -> float:
         return self._now_s
 
+    def at(self, now_s: float) -> None:
+        """Set machine time."""
+        self._now_s = now_s
+
     def post(self, intent: Intent) -> bool:
         self.orders.append(intent)
         return True

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,18 +24,16 @@ from console.session.intents import (
     Verify,
 )
 from console.session.state import Activity, StationState, StopState
+from console.tui.desk import View
 from console.tui.pages.align import AlignPage
 from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import AxisName
 from tests.tui.align_stage import (
-    CLAMPED,
     FAR,
     IN_PART,
-    JAW,
     NEAR,
     NO_JAW,
     OFF,
-    ON,
     OTHER,
     VALID,
     later,
@@ -42,7 +42,10 @@ from tests.tui.align_stage import (
     state,
     words_of,
 )
-from tests.tui.stage import FixedControl, desk_for, experiment
+from tests.tui.machine_states import CLAMPED, JAW, ON
+from tests.tui.stage import FixedControl, PageStage, desk_for, experiment, grid
+
+STOPPED = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +90,7 @@ def test_f4_says_where_it_does_nothing(alignment: Alignment, flags: frozenset[st
     ids=["clamp", "another blank", "jaw", "touch off"],
 )
 def test_enter_takes_what_hands_have_done(alignment: Alignment, flags: frozenset[str], order: Intent) -> None:
-    page = shown(state(alignment, snapshot=look(flags), seen=NEAR), "align.take")
+    page = shown(state(alignment, snapshot=look(flags, carriage_mm=172.0), seen=NEAR), "align.take")
     assert (page.orders, page.said) == ([order], [])
 
 
@@ -139,11 +142,12 @@ def test_b_goes_back_without_a_job_too() -> None:
 @pytest.mark.parametrize(
     "beside",
     [
+        # The part begins at 170 mm, the tool is at 41.2 mm; what an eye sees at the simulator changes nothing.
         state(replace(NO_JAW, jaw=JAW), seen=ShopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=None)),
-        # Nothing is seen at a real lathe: the part begins at 170 mm, the tool is at 41.2 mm.
+        state(replace(NO_JAW, jaw=JAW), seen=NEAR),
         state(replace(NO_JAW, jaw=JAW), simulated=False, seen=None),
     ],
-    ids=["seen", "by Z"],
+    ids=["seen beside", "seen over it", "real"],
 )
 def test_beside_the_part_nothing_is_touched_off(beside: StationState) -> None:
     page = shown(beside, "align.take")
@@ -164,23 +168,10 @@ def test_jaw_1_far_from_the_mark_is_taken_only_when_asked_again() -> None:
     assert later(far, (0.0, "align.take"), (1.0, "align.enable"), (2.0, "align.take")).orders == []
 
 
-def test_a_held_enter_does_not_ask_again() -> None:
-    held = later(state(seen=FAR), *((0.1 * n, "align.take") for n in range(20)))
-    assert (held.orders, held.said) == ([], ["screen.key_repeats"])
-
-
 def test_jaw_1_near_the_mark_is_taken_at_once() -> None:
     assert later(state(seen=ShopView(jaw_1_past_mark_deg=-0.9, tool_gap_mm=None)), (0.0, "align.take")).orders == [
         TakeJaw()
     ]
-
-
-def test_a_held_f4_does_not_go_from_step_to_step() -> None:
-    homing = Alignment(settings=(), clamping=CLAMPED, drives_on=True)
-    held = later(state(homing), *((0.5 * n, "align.step") for n in range(10)))
-    assert (held.orders, held.said) == ([Home()], ["screen.key_repeats"])
-    again = later(state(homing), (0.0, "align.step"), (0.7, "align.step"), (1.55, "align.step"))
-    assert again.orders == [Home(), Home()]
 
 
 def test_a_key_says_of_a_lost_machine_that_it_is_lost() -> None:
@@ -242,6 +233,44 @@ def test_the_jog_ends_by_idleness_and_with_the_page() -> None:
     assert "jog enabled, 12 s left" in shown(state(), "align.enable", then_s=18.5).text
     assert "jog off" in shown(state(), "align.enable", then_s=30.0).text
     assert "jog off" in shown(state(), "align.enable", leave=True).text
+
+
+@pytest.mark.parametrize("changes", [{"stop": STOPPED}, {"stops": 1}, {"activity": Activity.LOST}])
+def test_the_jog_ends_with_a_stop_and_does_not_come_back(changes: dict[str, Any]) -> None:
+    """With the first two: while it is in force, and after F2, where the page was not seen meanwhile."""
+    page = shown(state(), "align.enable", then=state(**changes))
+    assert "jog off" in page.text
+    assert "jog enabled" in shown(state(), "align.enable", then=state()).text
+
+
+def test_after_a_stop_the_jog_keys_want_to_be_enabled_again() -> None:
+    control = FixedControl(state())
+    desk = desk_for(control, Path("/nowhere"), work=experiment())
+    page = AlignPage(desk)
+    page.act("align.enable")
+    control.state = state(stops=1)
+    page.act("align.tail")
+    assert (control.orders, [problem.code for problem in desk.said]) == ([], ["screen.jog_not_enabled"])
+
+
+def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
+    """A tick shows what was read some ms before: 30 s of 30, by the time of the view, not 31."""
+    control = FixedControl(state(), now_s=100.02)
+    desk = desk_for(control, Path("/nowhere"), work=experiment())
+    page = AlignPage(desk)
+    page.act("align.enable")
+    jogging = state(activity=Activity.JOGGING)
+
+    async def run() -> str:
+        view = View(state=jogging, work=desk.work, now_s=100.0)
+        app = PageStage(page, view)
+        async with app.run_test(size=(80, 18)) as pilot:
+            await pilot.pause()
+            page.show(view)
+            await pilot.pause()
+            return grid(app)
+
+    assert "jog enabled, 30 s left" in asyncio.run(run())
 
 
 def test_before_the_touch_off_steps_toward_the_work_are_short() -> None:
@@ -312,10 +341,7 @@ def test_the_drives_go_off_at_rest() -> None:
 
 @pytest.mark.parametrize("key", ["align.step", "align.take", "align.enable"])
 def test_after_a_stop_the_way_on_is_named(key: str) -> None:
-    stopped = state(
-        stop=StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5), activity=Activity.STOPPED
-    )
-    page = shown(stopped, key)
+    page = shown(state(stop=STOPPED, activity=Activity.STOPPED), key)
     assert (page.orders, page.said) == ([], ["screen.stopped_first"])
     assert "F2" in page.next_step
 

@@ -16,12 +16,10 @@ from console.tui.desk import View
 from console.tui.pages.align import AlignPage
 from drivers.simulator.shop_view import ShopView
 from tests.tui.align_stage import (
-    CLAMPED,
     IN_PART,
     NEAR,
     NO_JAW,
     OFF,
-    ON,
     OTHER,
     VALID,
     look,
@@ -29,6 +27,7 @@ from tests.tui.align_stage import (
     state,
     words_of,
 )
+from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment
 
 STOPPING = StopState(reason="space", killed=False, sent_s=99.9)
@@ -76,6 +75,32 @@ def test_a_following_error_stands_apart_from_its_position(counts: float, written
         assert f"R 26.0000 mm{written}" in " ".join(
             shown(state(snapshot=look(error=counts)), language=language).text.split()
         )
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_before_home_no_axis_is_said_to_be_anywhere(language: str) -> None:
+    homing = Alignment(settings=(), drives_on=True, clamping=CLAMPED)
+    text = shown(state(homing, snapshot=look(ON - {"home_complete"})), language=language).text
+    # R 26.0000 mm, 41.200 mm and 12.60 degrees are counts from wherever the axes stood; the error is what it is.
+    assert not any(value in text for value in ("26.0000", "41.200", "12.60"))
+    assert "– 0.6 um ○" in " ".join(text.split())
+
+
+def test_each_axis_is_somewhere_as_soon_as_it_was_homed() -> None:
+    seen = look()
+    partly = replace(seen, spindle=replace(seen.spindle, flags=seen.spindle.flags - {"home_complete"}))
+    text = shown(state(Alignment(settings=()), snapshot=partly)).text
+    assert "R 26.0000 mm" in text
+    assert "12.60" not in text
+
+
+@pytest.mark.parametrize(("language", "name"), [("en", "force, total = 2000 N"), ("ko", "척킹력, 합계 = 2000 N")])
+def test_a_value_of_the_job_has_the_name_that_set_up_gives_it(language: str, name: str) -> None:
+    work = experiment()
+    harder = replace(work, job=replace(work.job, chucking_force_n=2000.0))
+    page = shown(state(Alignment(settings=()), snapshot=look(OFF)), work=harder, language=language, size=(160, 48))
+    assert name in words_of(page.text)
+    assert "chucking_force_n" not in page.text
 
 
 def test_the_touch_off_moves_the_radius() -> None:

@@ -77,6 +77,17 @@ def test_an_alarm_stays_before_everything_else_until_it_was_seen() -> None:
     assert "!!!" in plain([alarm_row(frame(seen), 80)])
 
 
+@pytest.mark.parametrize(("language", "name"), [("en", "force, total"), ("ko", "척킹력, 합계")])
+def test_an_answer_names_a_value_as_set_up_does(language: str, name: str) -> None:
+    refused = (Problem(code="rule.force_differs", key="chucking_force_n", value="1400 N", limit="1314 N"),)
+    for shown in (
+        alarm_row(frame(language=language, said=refused), 80),
+        alarm_row(frame(replace(READY, refusals=refused), language), 80),
+        next_row(frame(ALARM, language, said=refused), 80),
+    ):
+        assert f"{name} = 1400 N" in plain([shown])
+
+
 def test_after_a_stop_the_next_step_is_the_way_back() -> None:
     assert "F2" in plain([next_row(frame(STOPPED), 80)])
     assert "0.6 s" in plain([stop_row(frame(STOPPED), 80)])

@@ -105,6 +105,22 @@ def test_the_page_holds_both_parts_and_the_verdict(room: tuple[int, int], langua
     assert load(language)("state.free") in text
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("room", ROOMS)
+def test_what_a_stop_may_have_left_is_told_with_the_verdict(room: tuple[int, int], language: str) -> None:
+    text = load(language)
+    told = text("inspect_page.marked", z="4.2, 6.0")
+    marked = StationState(measured=replace(AFTER, marks_mm=(4.23, 6.0)), uncompensated=BEFORE)
+    page = shown(marked, room, language)
+    words = " ".join(" ".join(row.split("│")[-2] for row in page.splitlines() if row.count("│") > 2).split())
+    assert told in words
+    assert "PASS" in page or "합격" in page
+    assert text("inspect_page.simulated") in page
+    assert "4.2" not in shown(BOTH, room, language)
+    before = shown(StationState(cut_done=True, marks_mm=(4.23, 6.0)), room, language)
+    assert told in " ".join(before.split())
+
+
 def test_the_table_has_the_parameters_of_both_traces() -> None:
     """A pure cosine of 27.5 um: peak and valley 27.5, rms 27.5 over the root of 2, whatever its centre was."""
     rows = results(BOTH)

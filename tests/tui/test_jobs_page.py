@@ -2,104 +2,51 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rich.cells import cell_len
-from textual.pilot import Pilot
 
 from console.session.paths import jobs_folder
 from console.session.records import RunRecord
 from console.session.state import Activity, StationState
-from console.session.work import Work, edited
-from console.tui.desk import View
+from console.session.work import edited
 from console.tui.keymap import PageName
 from console.tui.lines import width_of
 from console.tui.pages.jobs import JobsPage
 from profiles.store import BUNDLED_JOBS, load_job
+from tests.tui.page_stage import READY, PageScene, play_on
 from tests.tui.stage import (
     EXPERIMENT,
     FRAME_ROWS,
     LANGUAGES,
     SIZES,
-    FixedControl,
-    PageStage,
-    desk_for,
     experiment,
-    grid,
 )
 
 ROOMS = [(width, height - FRAME_ROWS) for width, height in (*SIZES, (60, 18))]
-READY = StationState(activity=Activity.READY)
 SOURCE = BUNDLED_JOBS / f"{EXPERIMENT}.toml"
 
-Scene = Callable[["Stage"], Awaitable[None]]
 
+class Stage(PageScene):
+    """The page, with the job that is selected on it."""
 
-class Stage:
-    """The page on its stage; `gone` are the pages that it went to."""
-
-    def __init__(self, data: Path, work: Work | None, language: str, state: StationState) -> None:
-        self.control = FixedControl(state)
-        self.desk = desk_for(self.control, data, language, work)
-        self.gone: list[PageName] = []
-        self.desk.go = self.gone.append
-        self.page = JobsPage(self.desk)
-        self.app = PageStage(self.page, self.view)
-        self.pilot: Pilot[None]
-
-    @property
-    def view(self) -> View:
-        return View(state=self.control.state, work=self.desk.work, now_s=100.0)
-
-    async def act(self, *actions: str) -> None:
-        for action in actions:
-            self.page.act(action)
-        await self.show()
-
-    async def show(self) -> None:
-        self.page.show(self.view)
-        await self.pilot.pause()
-
-    @property
-    def text(self) -> str:
-        return grid(self.app)
+    page_class = JobsPage
 
     @property
     def selected(self) -> str:
         (row,) = [row for row in self.text.splitlines() if "▸" in row]
         return row.partition("▸ ")[2].split()[0]
 
-    @property
-    def codes(self) -> list[str]:
-        return [problem.code for problem in self.desk.said]
 
-
-def play(
-    scene: Scene,
-    data: Path,
-    *,
-    work: Work | None = None,
-    language: str = "en",
-    size: tuple[int, int] = (80, 18),
-    state: StationState = READY,
-) -> None:
-    async def run() -> None:
-        stage = Stage(data, work, language, state)
-        async with stage.app.run_test(size=size) as pilot:
-            stage.pilot = pilot
-            await pilot.pause()
-            await scene(stage)
-
-    asyncio.run(run())
+play = partial(play_on, Stage)
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,14 +14,12 @@ from console.session.progress import PHASE_LIMIT_DEG, CutStage
 from console.session.state import Activity, Armed, StationState
 from console.session.work import edited, with_strategy
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
-from console.tui.pages.run import RunPage
 from drivers.cut import Strategy, plan_cut
+from tests.tui.machine_states import ON
 from tests.tui.run_stage import (
     FIGURES,
     OFF,
-    ON,
     STATES,
-    SURFACE_COUNTS,
     VALID,
     cut,
     cutting,
@@ -31,7 +28,7 @@ from tests.tui.run_stage import (
     state,
     stopped,
 )
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, desk_for, experiment
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, experiment
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +105,7 @@ def test_a_job_that_does_not_fit_is_not_armed() -> None:
     work = edited(experiment(), "cut_length_mm", "29")
     page = shown(state(), "run.arm", work=work)
     assert (page.orders, page.said) == ([], ["rule.length_over_overhang"])
+    assert "cut_length_mm" not in page.text
     assert "2 changes it" in page.next_step
 
 
@@ -204,7 +202,7 @@ def test_after_the_cut_figures_and_the_way_on() -> None:
 
 def test_a_held_cut_is_not_called_done() -> None:
     page = shown(STATES["held"])
-    assert "Held at the end of a turn" in page.text
+    assert "Held at the end of a turn; the tool is out." in page.words
     assert "cut in part only" in page.words
     assert shown(STATES["held"], "run.arm").orders
 
@@ -269,28 +267,6 @@ def test_all_that_moves_is_read_at_80_columns(armed: Armed, language: str) -> No
     for value in ("Z 169.3 mm", "R 28.000 mm", "1000 rpm"):
         assert value in page.words
     assert armed.plan.tool_start == 240_000.0
-
-
-@pytest.mark.parametrize("key", ["run.arm", "run.start", "run.hold", "run.retract"])
-def test_a_key_that_is_held_down_orders_once(key: str, armed: Armed) -> None:
-    now = {
-        "run.arm": state(),
-        "run.start": state(armed=armed),
-        "run.hold": cutting(),
-        "run.retract": state(snapshot=look(tool=SURFACE_COUNTS), cut=cut()),
-    }[key]
-    page = shown(now, key, key, key)
-    assert (len(page.orders), page.said) == (1, ["screen.key_repeats"])
-
-
-def test_a_key_is_taken_again_after_a_while() -> None:
-    control = FixedControl(state())
-    desk = desk_for(control, Path("/nowhere"), "en", experiment())
-    page = RunPage(desk)
-    for now_s in (100.0, 100.7, 101.4, 102.3):  # each but the last within 0.8 s of the one before
-        control._now_s = now_s
-        page.act("run.arm")
-    assert len(control.orders) == 2
 
 
 def test_a_bar_is_full_only_at_the_end() -> None:

@@ -8,8 +8,9 @@ import pytest
 
 from console.session.intents import Retract
 from console.session.progress import CutStage
-from console.session.state import Activity, StationState, StopState
+from console.session.state import Activity, StationState
 from console.session.work import edited
+from console.text.catalogue import load
 from tests.tui.run_stage import (
     OFF,
     STATES,
@@ -22,7 +23,7 @@ from tests.tui.run_stage import (
     state,
     stopped,
 )
-from tests.tui.stage import experiment
+from tests.tui.stage import LANGUAGES, experiment
 
 
 def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
@@ -74,27 +75,35 @@ def test_a_stop_on_the_way_to_the_start_shows_no_values_of_a_cut() -> None:
 
 
 def test_a_later_stop_does_not_bring_the_values_of_the_cut_back() -> None:
+    """The station tells of a stop whether it ended the cut."""
     first, left = stopped(), state(cut=cut())
-    left = replace(left, cut=first.cut)
-    second = replace(first, stop=StopState(reason="space", killed=False, sent_s=150.0, rest_s=151.0))
+    second = stopped(sent_s=150.0, rest_s=151.0, of_cut=False)
     frames = frames_of([first, left, second])
     assert ["Last values" in frame for frame in frames] == [True, False, False]
 
 
 def test_the_way_to_the_touch_off_is_no_cut() -> None:
     left = state(cut=cut())
-    *_, frame = frames_of([left, replace(left, activity=Activity.POSITIONING)])
+    *_, frame = frames_of([left, replace(left, activity=Activity.APPROACHING)])
     assert "Before the start" in frame
 
 
 def test_a_spindle_that_coasts_is_seen() -> None:
-    """A quarter of a second apart, 1000 of 10 000 counts: 24 turns a minute."""
     killed = STATES["killed in the part"]
-    later = replace(killed, snapshot=look(OFF, at_s=100.25, spindle=1350.0))
-    *_, frame = frames_of([killed, later])
-    assert "turns 24 rpm" in frame
-    *_, frame = frames_of([killed, replace(killed, snapshot=look(OFF, at_s=100.25))])
-    assert "rpm" not in frame.partition("││")[0]
+    assert "turns 24 rpm" in shown(replace(killed, spindle_rpm=24.0)).text
+    for rpm in (None, 0.0, 0.9):
+        assert "turns" not in shown(replace(killed, spindle_rpm=rpm)).text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", ["marked", "killed and marked"])
+def test_a_stop_in_mid_cut_says_that_the_part_is_marked(name: str, language: str) -> None:
+    page, text = shown(STATES[name], language=language), load(language)
+    assert text("run_page.marked", z="4.2") in page.words
+    assert text("run_page.remedy.retract" if name == "marked" else "run_page.remedy.by_hand") in page.words
+    unproven = replace(STATES[name], stop=replace(STATES[name].stop, rest_s=None))  # type: ignore[type-var]
+    for other in (STATES["stopped in the part"], unproven):
+        assert "4.2 mm" not in shown(other, language=language).text.partition("││")[0]
 
 
 @pytest.mark.parametrize(
@@ -142,6 +151,6 @@ def test_lost_means_that_nothing_is_known_any_more() -> None:
     page = shown(STATES["lost"], "run.retract")
     assert "Nothing is known of the machine any more. The last look is 12 s old." in page.words
     assert "Old: 12 s ago" in page.text
-    assert page.said == ["screen.nothing_known"]
-    assert shown(replace(state(), activity=Activity.LOST), "run.arm").said == ["screen.nothing_known"]
+    assert page.said == ["session.lost"]
+    assert shown(replace(state(), activity=Activity.LOST), "run.arm").said == ["session.lost"]
     assert "no look at it has succeeded" in shown(STATES["never found"]).words

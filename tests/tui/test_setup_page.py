@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rich.cells import cell_len
-from textual.pilot import Pilot
 
 from console.session.paths import jobs_folder
 from console.session.state import Activity, StationState
-from console.session.work import Work, edited
+from console.session.work import edited
 from console.text.catalogue import load
-from console.tui.desk import View
 from console.tui.gate import FieldKind
 from console.tui.lines import plain, width_of
 from console.tui.pages.fields import FORM
@@ -24,35 +21,17 @@ from console.tui.pages.setup import SetupPage
 from console.tui.pages.setup_lines import finding_lines
 from profiles.rules import Severity, check
 from profiles.store import load_job
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment, grid
+from tests.tui.page_stage import READY, PageScene, play_on
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, experiment
 
 ROOMS = [(width, height - FRAME_ROWS) for width, height in (*SIZES, (60, 18))]
 FORCE = next(place for place, field in enumerate(FORM) if field.key == "chucking_force_n")
-READY = StationState(activity=Activity.READY)
-
-Scene = Callable[["Stage"], Awaitable[None]]
 
 
-class Stage:
-    """The page on its stage, with the keys that the gate would let through."""
+class Stage(PageScene):
+    """The page, with the keys that the gate would let through."""
 
-    def __init__(self, data: Path, work: Work | None, language: str, state: StationState) -> None:
-        self.control = FixedControl(state)
-        self.desk = desk_for(self.control, data, language, work)
-        self.page = SetupPage(self.desk)
-        self.app = PageStage(self.page, self.view)
-        self.pilot: Pilot[None]
-
-    @property
-    def view(self) -> View:
-        return View(state=self.control.state, work=self.desk.work, now_s=100.0)
-
-    async def act(self, *actions: str) -> None:
-        for action in actions:
-            self.page.act(action)
-            await self.pilot.pause()
-        self.page.show(self.view)
-        await self.pilot.pause()
+    page_class = SetupPage
 
     async def type(self, text: str) -> None:
         await self.pilot.press(*text)
@@ -61,36 +40,8 @@ class Stage:
     def kind(self) -> FieldKind:
         return self.page.field
 
-    @property
-    def text(self) -> str:
-        return grid(self.app)
 
-    @property
-    def codes(self) -> list[str]:
-        return [problem.code for problem in self.desk.said]
-
-    @property
-    def next_step(self) -> str:
-        return "".join(piece for piece, _ in self.page.next_step(self.view))
-
-
-def play(
-    scene: Scene,
-    data: Path,
-    *,
-    work: Work | None = None,
-    language: str = "en",
-    size: tuple[int, int] = (80, 18),
-    state: StationState = READY,
-) -> None:
-    async def run() -> None:
-        stage = Stage(data, work, language, state)
-        async with stage.app.run_test(size=size) as pilot:
-            stage.pilot = pilot
-            await pilot.pause()
-            await scene(stage)
-
-    asyncio.run(run())
+play = partial(play_on, Stage)
 
 
 @pytest.mark.parametrize("size", ROOMS)

@@ -6,8 +6,8 @@ cannot be done now says why.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -28,10 +28,10 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
-from console.session.jogging import FIRST_RUNG, IDLE_S, STEPS_MM, is_too_long, longest_toward_mm, step_of
+from console.session.jogging import FIRST_RUNG, STEPS_MM, JogEnable, is_too_long, longest_toward_mm, step_of
 from console.session.state import Activity, StationState
 from console.tui.desk import Desk, View
-from console.tui.keymap import ACTIONS, REPEAT_S, PageName
+from console.tui.keymap import ACTIONS, PageName
 from console.tui.lines import Line, dim, line
 from console.tui.page import Page
 from console.tui.pages.align_lines import (
@@ -45,15 +45,16 @@ from console.tui.pages.align_lines import (
     jaw_off_deg,
     step_lines,
     step_now,
-    waiting,
     why_lines,
 )
 from console.tui.pages.chuck_picture import chuck_lines
 from console.tui.pages.jog_lines import JogView, jog_lines
 from console.tui.sheet import Sheet
 from console.tui.theme import Token
+from console.tui.waiting import refusal, waiting
 from drivers.snapshot import AxisName
 from profiles.job import Job
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 JOGS = {
@@ -73,14 +74,6 @@ _KEYS = {action.id: action.shown for action in ACTIONS}
 _BY_HAND = {
     AlignStep.CLAMP: "screen.enter_does_it",
     AlignStep.JAW: "screen.jog_does_it",
-}
-_REFUSALS = {
-    "lost": "session.lost",
-    "stopping": "screen.in_motion",
-    "stopped": "screen.stopped_first",
-    "connecting": "screen.nothing_known",
-    "moving": "screen.in_motion",
-    "busy": "screen.busy",
 }
 
 
@@ -105,14 +98,13 @@ class AlignPage(Page):
         super().__init__(desk)
         palette = desk.palette
         self._axes = Sheet(palette, id="align-axes")
-        self._jog = Sheet(palette, id="align-jog")
+        self._jog_panel = Sheet(palette, id="align-jog")
         self._steps = Sheet(palette, id="align-steps")
         self._why = Sheet(palette, id="align-why")
         self._chuck = Sheet(palette, id="align-chuck")
         self._rung = FIRST_RUNG
-        self._enabled_until_s: float | None = None
+        self._jog: JogEnable | None = None
         self._last_key: str | None = None
-        self._pressed_s: dict[str, float] = {}
         self._warned_s: float | None = None
         self._titles()
 
@@ -120,7 +112,7 @@ class AlignPage(Page):
         """Return the panels in two columns."""
         with Vertical(classes="left"):
             yield self._axes
-            yield self._jog
+            yield self._jog_panel
         with Vertical(classes="right"):
             yield self._steps
             yield self._why
@@ -133,12 +125,12 @@ class AlignPage(Page):
         self.set_class(self.size.height >= 36, "-tall")
         text, state, job = self.desk.text, view.state, _job(view)
         machine = self.desk.machine.machine
-        if _moves(state):
-            self._renew()  # idle is counted from the end of what moves
-        self._let_go_when_idle(view.now_s)
+        if state.moving:
+            self._renew(view.now_s)  # idle is counted from the end of what moves
+        self._let_go(state, view.now_s)
         self._axes.show(axes_lines(text, state, machine, view.now_s, self._axes.size.width))
         jog = self._jog_view(state, view.now_s)
-        self._jog.show(jog_lines(text, jog, self._jog.size.width, self._jog.size.height))
+        self._jog_panel.show(jog_lines(text, jog, self._jog_panel.size.width, self._jog_panel.size.height))
         self._steps.show(step_lines(text, state, job))
         self._why.show(why_lines(text, state, job, machine, self._why.size.width, self._why.size.height))
         self._title_why(state, job)
@@ -186,10 +178,10 @@ class AlignPage(Page):
 
     def leave(self) -> None:
         """Let go of the jog; a step that is under way ends with its page."""
-        self._enabled_until_s = self._last_key = self._warned_s = None
+        self._jog = self._last_key = self._warned_s = None
         if self.desk.control.state.activity is Activity.JOGGING:
+            self.desk.say_why_stopped(Problem(code="screen.left_jogging"))
             self.desk.control.stop("page")
-            self._say("screen.left_jogging")
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
         machine = self.desk.machine.machine
@@ -199,7 +191,7 @@ class AlignPage(Page):
             return "clamp_drives_on"
         if step is AlignStep.CLAMP and job is not None and force_problems(job):
             return "clamp_refused"
-        if step is AlignStep.JAW and self._enabled_until_s is None:
+        if step is AlignStep.JAW and self._jog is None:
             return "jaw_enable"
         if step is None:
             return "jaw_off" if (jaw_off_deg(state, machine) or 0.0) > NEAR_MARK_DEG else "valid"
@@ -208,7 +200,7 @@ class AlignPage(Page):
     def _do_step(self, key: str) -> None:
         """F4: the present step, where it is the machine's to do."""
         state, job = self.desk.control.state, self._job
-        if self._repeats(key) or self._refuses(state, key):
+        if self._refuses(state, key):
             return
         match step_now(state.alignment, job):
             case AlignStep.VERIFY:
@@ -231,7 +223,7 @@ class AlignPage(Page):
     def _take(self, key: str) -> None:
         """Enter: confirm what hands did, or take a place over as it is. Nothing moves."""
         state, job = self.desk.control.state, self._job
-        if self._repeats(key) or self._refuses(state, key):
+        if self._refuses(state, key):
             return
         if job is None:
             self._say("screen.nothing_to_align")
@@ -244,7 +236,7 @@ class AlignPage(Page):
                 self._confirm_clamping(state, job)
             case AlignStep.JAW:
                 self._take_jaw(state)
-            case AlignStep.TOUCH_OFF if not self._is_over_part(state):
+            case AlignStep.TOUCH_OFF if not _is_over_part(state, self.desk.machine.machine):
                 self._say("alignment.beside_part", key="tool")
             case AlignStep.TOUCH_OFF:
                 self._post(TakeTouchOff(radius_mm=job.radius_mm))
@@ -264,15 +256,6 @@ class AlignPage(Page):
             return
         self._warned_s = None
         self._post(TakeJaw())
-
-    def _is_over_part(self, state: StationState) -> bool:
-        """Whether there is a part in front of the tool: as it is seen at the simulator, else by Z."""
-        if state.seen is not None:
-            return state.seen.tool_gap_mm is not None
-        clamping, machine = state.alignment.clamping, self.desk.machine.machine
-        if clamping is None or state.snapshot is None:
-            return False
-        return over_part(state.snapshot, machine, clamping.overhang_mm)
 
     def _take_back(self, key: str) -> None:
         """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
@@ -313,26 +296,28 @@ class AlignPage(Page):
             self._say("screen.drives_are_off")
 
     def _enable(self, key: str) -> None:
-        if not self._refuses(self.desk.control.state, key):
-            self._enabled_until_s = self.desk.control.now_s() + IDLE_S
+        state = self.desk.control.state
+        if not self._refuses(state, key):
+            self._jog = JogEnable(used_s=self.desk.control.now_s(), stops=state.stops)
 
     def _change_rung(self, key: str) -> None:
         if self._stops_what_moves(self.desk.control.state, key):
             return
         step = 1 if key == "align.larger" else -1
         self._rung = min(max(self._rung + step, 0), len(STEPS_MM) - 1)
-        self._renew()
+        self._renew(self.desk.control.now_s())
 
     def _jog_by(self, key: str) -> None:
         state = self.desk.control.state
-        if _moves(state) and key == self._last_key:
+        if state.moving and key == self._last_key:
             # The key repeats while it is held: one press is one step.
             self._say("screen.in_motion")
             return
         if self._stops_what_moves(state, key) or self._refuses(state, key):
             return
-        self._let_go_when_idle(self.desk.control.now_s())
-        if self._enabled_until_s is None:
+        now_s = self.desk.control.now_s()
+        self._let_go(state, now_s)
+        if self._jog is None:
             self._say("screen.jog_not_enabled")
             return
         axis, sign = JOGS[key]
@@ -342,48 +327,39 @@ class AlignPage(Page):
             self._say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
             return
         self._last_key = key
-        self._renew()
+        self._renew(now_s)
         self._post(Jog(axis=axis, distance=sign * step))
 
     def _stops_what_moves(self, state: StationState, key: str) -> bool:
         """Another axis, direction or step while something moves is a change of mind: stop first."""
-        if not _moves(state):
+        if not state.moving:
             return False
+        self.desk.say_why_stopped(Problem(code="screen.key_in_motion", key=_KEYS[key]))
         self.desk.control.stop("unbound")
-        self._say("screen.key_in_motion", key=_KEYS[key])
         return True
 
     def _refuses(self, state: StationState, key: str) -> bool:
         """Say why the station cannot take an order now, if it cannot."""
-        word = waiting(state)
-        if word:
-            self._say(_REFUSALS[word], key=_KEYS[key])
-        return bool(word)
+        problem = refusal(state, _KEYS[key])
+        if problem is not None:
+            self.desk.said = (problem,)
+        return problem is not None
 
-    def _repeats(self, key: str) -> bool:
-        """Say that a key is held, if it is: it must not go from one step to the next by itself."""
-        now_s, before_s = self.desk.control.now_s(), self._pressed_s.get(key, -math.inf)
-        self._pressed_s[key] = now_s
-        held = now_s - before_s < REPEAT_S
-        if held:
-            self._say("screen.key_repeats")
-        return held
+    def _let_go(self, state: StationState, now_s: float) -> None:
+        if self._jog is not None and not self._jog.holds(state, now_s):
+            self._jog = self._last_key = None
 
-    def _let_go_when_idle(self, now_s: float) -> None:
-        if self._enabled_until_s is not None and now_s >= self._enabled_until_s:
-            self._enabled_until_s = self._last_key = None
-
-    def _renew(self) -> None:
-        if self._enabled_until_s is not None:
-            self._enabled_until_s = self.desk.control.now_s() + IDLE_S
+    def _renew(self, now_s: float) -> None:
+        if self._jog is not None:
+            self._jog = replace(self._jog, used_s=now_s)
 
     def _jog_view(self, state: StationState, now_s: float) -> JogView:
-        until_s, machine = self._enabled_until_s, self.desk.machine.machine
+        machine = self.desk.machine.machine
         return JogView(
             machine=machine,
             rung=self._rung,
-            left_s=None if until_s is None else until_s - now_s,
-            moving=_moves(state),
+            left_s=None if self._jog is None else self._jog.left_s(now_s),
+            moving=state.moving,
             longest_mm=longest_toward_mm(state.snapshot, machine, state.alignment),
             simulated=state.simulated,
             seen=None if state.activity is Activity.LOST else state.seen,
@@ -402,7 +378,7 @@ class AlignPage(Page):
     def _titles(self) -> None:
         text = self.desk.text
         self._axes.border_title = text("align_page.axes")
-        self._jog.border_title = text("align_page.jog")
+        self._jog_panel.border_title = text("align_page.jog")
         self._steps.border_title = text("align_page.steps")
         self._chuck.border_title = text("align_page.chuck_title")
 
@@ -422,6 +398,9 @@ def _job(view: View) -> Job | None:
     return None if view.work is None else view.work.job
 
 
-def _moves(state: StationState) -> bool:
-    """Whether something moves; of a machine that is lost nobody knows."""
-    return state.moving and state.activity is not Activity.LOST
+def _is_over_part(state: StationState, machine: MachineProfile) -> bool:
+    """Whether the clamped part is in front of the tool, by the rule that the station refuses by."""
+    clamping = state.alignment.clamping
+    if clamping is None or state.snapshot is None:
+        return False
+    return over_part(state.snapshot, machine, clamping.overhang_mm)

@@ -14,18 +14,30 @@ from console.session.alignment import (
     problems,
     step_problems,
 )
+from console.session.axis_units import counts_per_unit
 from console.session.clearance import tool_in_part
 from console.session.jogging import tool_radius_mm
 from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, fact, fitted, line, ranged, wrapped
+from console.tui.lines import (
+    BLANK,
+    NOTHING,
+    Line,
+    clipped,
+    dim,
+    fact,
+    fitted,
+    line,
+    ranged,
+    to_the_right,
+    wrapped,
+)
+from console.tui.pages.fields import named
 from console.tui.theme import Token
+from console.tui.waiting import waiting
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
-
-STALE_S = 1.0
-"""A position older than this is not where the axis is."""
 
 WIDEST_STAMP = 44
 """Columns in which a label and its value still read as one."""
@@ -33,7 +45,6 @@ WIDEST_STAMP = 44
 NEAR_MARK_DEG = 1.0
 """Farther from the mark than this, jaw 1 was not turned to it."""
 
-NOTHING = "–"
 _DONE, _CURRENT, _OPEN, _UNKNOWN = "✓", "●", "○", "?"
 _LABEL_WIDTH, _POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH = 9, 12, 10, 6
 
@@ -50,14 +61,9 @@ def axes_lines(
         " ",
         text("align_page.drive"),
     )
-    stale = is_stale(state, now_s)
+    stale = state.is_stale(now_s)
     rows = [_axis_line(text, axis, state, machine, stale) for axis in _SHOWN_AXES]
     return [(dim("".join(heads)),), *rows, _drives_line(text, state, now_s, width)]
-
-
-def is_stale(state: StationState, now_s: float) -> bool:
-    """Whether what is shown was seen too long ago, or will not be seen again."""
-    return state.activity is Activity.LOST or now_s - state.looked_s > STALE_S
 
 
 _SHOWN_AXES = (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE)
@@ -71,6 +77,8 @@ def _axis_line(text: Catalogue, axis: AxisName, state: StationState, machine: Ma
     seen = state.snapshot.axis(axis)
     position, error = _position(axis, state.snapshot, machine, state.alignment)
     homed = "home_complete" in seen.flags
+    if not homed:
+        position = NOTHING  # counts from wherever the axis stood when the card was switched on
     pieces = (
         label,
         (" " * (_POSITION_WIDTH - cell_len(position)), Token.TEXT),
@@ -91,17 +99,15 @@ def _position(
     axis: AxisName, snapshot: Snapshot, machine: MachineProfile, alignment: Alignment
 ) -> tuple[str, str]:
     """Return where an axis is and its following error, both with their units."""
-    seen = snapshot.axis(axis)
+    seen, per_unit = snapshot.axis(axis), counts_per_unit(machine, axis)
+    error = seen.following_error / per_unit
     match axis:
         case AxisName.TOOL:
-            radius_mm = tool_radius_mm(seen.position, machine, alignment)
-            return f"R {radius_mm:.4f} mm", _error_um(seen.following_error * machine.tool.count_um)
+            return f"R {tool_radius_mm(seen.position, machine, alignment):.4f} mm", _error_um(1000.0 * error)
         case AxisName.CARRIAGE:
-            per_mm = machine.carriage.counts_per_mm
-            return f"{seen.position / per_mm:.3f} mm", _error_um(1000.0 * seen.following_error / per_mm)
+            return f"{seen.position / per_unit:.3f} mm", _error_um(1000.0 * error)
         case AxisName.SPINDLE:
-            per_deg = machine.spindle.counts_per_rev / 360.0
-            return f"{angle_deg(snapshot, machine):.2f} °", f"{seen.following_error / per_deg:.2f} °"
+            return f"{angle_deg(snapshot, machine):.2f} °", f"{error:.2f} °"
 
 
 def _error_um(error_um: float) -> str:
@@ -119,7 +125,7 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     if state.snapshot is None:
         return (dim(fitted(text("align_page.nothing_known"), width)),)
     age_s = now_s - state.looked_s
-    if is_stale(state, now_s):
+    if state.is_stale(now_s):
         return ((fitted("! " + text("align_page.stale", age=f"{age_s:.0f} s"), width), Token.WARNING),)
     if state.snapshot.loops_closed:
         drives = dim(text("align_page.drives_on"))
@@ -180,19 +186,6 @@ def is_valid(alignment: Alignment, job: Job | None) -> bool:
     return job is not None and not problems(alignment, job)
 
 
-def waiting(state: StationState) -> str:
-    """Return what has to end before an order can be given: a word of the catalogue, empty when nothing has."""
-    if state.activity is Activity.LOST:
-        return "lost"
-    if state.stop is not None:
-        return "stopping" if state.stop.rest_s is None else "stopped"
-    if state.snapshot is None or state.activity is Activity.CONNECTING:
-        return "connecting"
-    if state.moving:
-        return "stopping" if state.activity is Activity.STOPPING else "moving"
-    return "" if state.activity is Activity.READY else "busy"
-
-
 def why_lines(
     text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int, height: int
 ) -> list[Line]:
@@ -208,7 +201,7 @@ def why_lines(
     advice = text("align_page.next.stopped") if word == "stopped" else hint(text, state, job, machine)
     shown = wrapped(advice, width, Token.STRONG)
     for problem in problems(state.alignment, job):
-        first, *rest = wrapped(text.problem(problem), width - 2)
+        first, *rest = wrapped(text.problem(named(problem, text)), width - 2)
         shown += [(dim("· "), *first), *((dim("  "), *more) for more in rest)]
     return clipped(shown, height)
 
@@ -295,15 +288,3 @@ def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
         zero = f"R {alignment.touch_off.zero_radius_mm:.3f} mm"
         stamps.append((text("align_page.stamp.touch"), zero, alignment.touch_off.at))
     return [fact(label, f"{value}  {at}", width, label_width=10) for label, value, at in stamps]
-
-
-def clipped(lines: list[Line], height: int) -> list[Line]:
-    """Return what fits; where something does not, the last row says so."""
-    if len(lines) <= height:
-        return lines
-    return [*lines[: max(height - 1, 0)], (dim("…"),)][: max(height, 0)]
-
-
-def to_the_right(text: str, width: int) -> str:
-    """Return a text filled up with blanks on its left."""
-    return " " * max(width - cell_len(text), 0) + text

@@ -7,16 +7,13 @@ from numpy.typing import NDArray
 
 from console.session.progress import PHASE_LIMIT_DEG, CutProgress, CutStage
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, fact, line, ranged, width_of, wrapped
-from console.tui.pages.align_lines import to_the_right
+from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
 from console.tui.plot.scale import nice_limits
 from console.tui.plot.trace_view import Series
 from console.tui.theme import Token
 from profiles.job import Job
 
 LABEL_WIDTH = 14
-NOTHING = "–"
-"""Stands where there is no value, or none that may be judged."""
 
 BEFORE_CUT = frozenset({CutStage.POSITION, CutStage.RUN_UP})
 """Stages in which nothing of the part is cut yet."""
@@ -62,7 +59,8 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     in_part = cut.judged and cut.stage is CutStage.CUT
     has_peak = cut.judged and cut.stage not in BEFORE_CUT
     wanted_mm = cut.tool_radius_mm + cut.tool_error_um / 1000.0
-    lobe_hz = NOTHING if job is None else f"{job.jaws * cut.speed_rpm / 60.0:.1f} Hz"
+    speed_rpm = cut.speed_rpm
+    lobe_hz = NOTHING if job is None or speed_rpm is None else f"{job.jaws * speed_rpm / 60.0:.1f} Hz"
 
     def row(key: str, value: str) -> Line:
         return fact(text(f"run_page.live.{key}"), value, width, label_width=LABEL_WIDTH)
@@ -71,7 +69,7 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     shown = text("run_page.holding") if cut.holding else stage
     return [
         fact(text("run_page.live.stage"), shown, width, label_width=LABEL_WIDTH, token=Token.STRONG),
-        row("speed", f"{cut.speed_rpm:.0f} rpm"),
+        row("speed", NOTHING if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
         row("lobe", lobe_hz),
         row("tool", f"R {cut.tool_radius_mm:.4f} mm"),
         row("wanted", f"R {wanted_mm:.4f} mm" if in_part else NOTHING),

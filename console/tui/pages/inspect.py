@@ -18,6 +18,7 @@ from console.tui.pages.inspect_lines import (
     caption_lines,
     compared,
     harmonic_lines,
+    mark_lines,
     named,
     result_lines,
 )
@@ -186,12 +187,12 @@ class InspectPage(Page):
         text, width = self.desk.text, max(self._message.size.width, 1)
         lines = wrapped(text("inspect_page.nothing"), width)
         what = text("inspect_page.how_measure") if state.cut_done else text("inspect_page.how_cut")
-        return [*lines, BLANK, *wrapped(what, width)]
+        return [*lines, BLANK, *wrapped(what, width), *mark_lines(state.marks_mm, text, width)]
 
 
-def _news(state: StationState) -> tuple[int, int, bool, bool]:
+def _news(state: StationState) -> tuple[object, ...]:
     """What of a state this page shows; a part is never changed, so it is known by being the same one."""
-    return id(state.measured), id(state.uncompensated), state.cut_done, state.simulated
+    return id(state.measured), id(state.uncompensated), state.cut_done, state.simulated, state.marks_mm
 
 
 def _refusal(state: StationState) -> Problem | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from console.session.state import MeasuredPart, StationState
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, Piece, dim, fitted, line, ranged, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, ranged, wrapped
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.theme import Token
 from drivers.cut import Strategy
@@ -27,7 +28,6 @@ LEAST_PHASED_UM_PP = 0.1
 """A lobe that is smaller has no direction worth telling."""
 
 _COLUMN = 9
-_NOTHING = "–"
 _TURN_DEG = np.arange(360.0)
 
 
@@ -100,21 +100,30 @@ def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, wid
 
 
 def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return the table of both parts, what was gained, and the verdict on the last one."""
+    """Return the table of both parts, what was gained, and the verdict on the last one.
+
+    In little room a part that is not as it should be loses its lesser figures, not what is wrong with it.
+    """
     before, after = seen.before, seen.after.result if seen.after else None
-    lines = [_heading(text, width)]
-    lines.append(_columns("RONt", f"{before.ront_um:.2f}", _figure(after, "ront_um"), width, Token.STRONG))
-    for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um")):
-        lines.append(_columns(name, _figure(before.result, key), _figure(after, key), width, Token.TEXT))
-    lines += _gained(seen, text, width)
+    head = [_heading(text, width)]
+    head.append(_columns("RONt", f"{before.ront_um:.2f}", _figure(after, "ront_um"), width, Token.STRONG))
+    lesser = [
+        _columns(name, _figure(before.result, key), _figure(after, key), width, Token.TEXT)
+        for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um"))
+    ]
+    lines = _gained(seen, text, width)
     lines += _verdict(seen, text, width)
     if simulated:
         lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
-    if height > len(lines) + 1 and before.result is None and seen.after is not None:
+    if height > len(head) + len(lesser) + len(lines) + 1 and before.result is None and seen.after is not None:
         lines += [BLANK, *wrapped(text("inspect_page.stated_long"), width, Token.DIM)]
+    wrong = mark_lines(seen.part.marks_mm, text, width)
     for problem in seen.part.result.warnings:
-        lines += wrapped("! " + text.problem(problem), width, Token.WARNING)
-    return lines[: max(height, 0)]
+        wrong += wrapped("! " + text.problem(problem), width, Token.WARNING)
+    if wrong:
+        room = height - len(head) - len(lines) - len(wrong)
+        lesser = lesser[: max(room, 0)]
+    return [*head, *lesser, *lines, *wrong][: max(height, 0)]
 
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
@@ -140,6 +149,14 @@ def phase_from_jaw_deg(side: Side, n: int) -> float | None:
     if found is None or 2.0 * found.amplitude_um < LEAST_PHASED_UM_PP:
         return None
     return math.remainder(found.phase_deg - side.jaw_1_deg, 360.0 / n)
+
+
+def mark_lines(marks_mm: Sequence[float], text: Catalogue, width: int) -> list[Line]:
+    """Return where stops left the tool in the part while it turned, mm behind its face; nothing where none did."""
+    if not marks_mm:
+        return []
+    places = ", ".join(f"{mark_mm:.1f}" for mark_mm in marks_mm)
+    return wrapped("! " + text("inspect_page.marked", z=places), width, Token.WARNING)
 
 
 def _measured(part: MeasuredPart, jaw_1_deg: float) -> Side:
@@ -175,7 +192,7 @@ def _trace_words(key: Piece, what: str, ront_um: float, width: int) -> Line:
 
 
 def _figure(result: RoundnessResult | None, key: str) -> str:
-    return _NOTHING if result is None else f"{getattr(result, key):.2f}"
+    return NOTHING if result is None else f"{getattr(result, key):.2f}"
 
 
 def _heading(text: Catalogue, width: int) -> Line:
@@ -208,13 +225,13 @@ def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Toke
     if before.result is not None:
         one = f"{2.0 * before.result.amplitude_um(n):.2f}"
     else:
-        one = f"{before.ront_um:.2f}" if n == jaws else _NOTHING
+        one = f"{before.ront_um:.2f}" if n == jaws else NOTHING
     after = seen.after.result if seen.after else None
-    other = _NOTHING if after is None else f"{2.0 * after.amplitude_um(n):.2f}"
+    other = NOTHING if after is None else f"{2.0 * after.amplitude_um(n):.2f}"
     return _columns(text("inspect_page.harmonic", n=f"{n:>2}"), one, other, width, token)
 
 
 def _phases(seen: Comparison, jaws: int, text: Catalogue, width: int) -> Line:
     phases = (phase_from_jaw_deg(side, jaws) if side else None for side in (seen.before, seen.after))
-    before, after = (_NOTHING if phase is None else f"{phase:+.1f}°" for phase in phases)
+    before, after = (NOTHING if phase is None else f"{phase:+.1f}°" for phase in phases)
     return _columns(text("inspect_page.phase", n=jaws), before, after, width, Token.TEXT)

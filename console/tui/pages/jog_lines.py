@@ -10,8 +10,7 @@ from rich.cells import cell_len
 
 from console.session.jogging import STEPS_DEG, STEPS_MM, overrun, step_of
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, Piece, dim, line, ranged, wrapped
-from console.tui.pages.align_lines import clipped, to_the_right
+from console.tui.lines import BLANK, Line, Piece, clipped, dim, line, ranged, to_the_right, wrapped
 from console.tui.theme import Token
 from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import AxisName

@@ -19,11 +19,10 @@ from console.session.intents import Arm, Disarm, Hold, Retract, Start
 from console.session.progress import CutProgress, CutStage
 from console.session.state import Activity, StationState
 from console.tui.desk import Desk, View
-from console.tui.keymap import REPEAT_S, PageName
-from console.tui.lines import BLANK, Line, dim, line, wrapped
+from console.tui.keymap import ACTIONS, PageName
+from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, line, wrapped
 from console.tui.page import Page
-from console.tui.pages.align_lines import clipped
-from console.tui.pages.cut_lines import NOTHING, error_series, live_lines, mean_error_um, progress_line
+from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line
 from console.tui.pages.run_lines import (
     after_lines,
     check_lines,
@@ -33,20 +32,12 @@ from console.tui.pages.run_lines import (
     moves_lines,
     summary_lines,
 )
-from console.tui.pages.stop_lines import (
-    CutOfStop,
-    Look,
-    lost_lines,
-    recent,
-    spindle_line,
-    stale,
-    stop_lines,
-    turning_rpm,
-)
+from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TraceView
 from console.tui.sheet import Sheet
 from console.tui.theme import Token
+from console.tui.waiting import refusal
 from drivers.cut import Strategy
 from profiles.problem import Problem
 
@@ -63,6 +54,8 @@ LEFT_STAGES = frozenset({CutStage.CUT, CutStage.RETRACT})
 
 LEAST_POLAR_ROWS = 24
 """Rows of the page from which there is room for the polar picture below the other one."""
+
+_KEYS = {action.id: action.shown for action in ACTIONS}
 
 
 class Phase(Enum):
@@ -136,9 +129,6 @@ class RunPage(Page):
         self._drawn: CutProgress | None = None
         self._view: View | None = None
         self._waits_for_room = False
-        self._looks: tuple[Look, ...] = ()
-        self._cut_of_stop = CutOfStop()
-        self._pressed_s: dict[str, float] = {}
         text = desk.text
         self._progress.border_title = text("run_page.cut")
         self._values.border_title = text("run_page.values")
@@ -160,11 +150,7 @@ class RunPage(Page):
     def show(self, view: View) -> None:
         """Show the newest state."""
         self._view = view
-        self._cut_of_stop.see(view.state)
-        snapshot = view.state.snapshot
-        if snapshot is not None:
-            self._looks = recent(self._looks, (snapshot.at_s, snapshot.spindle.position))
-        phase = self._phase(view.state)
+        phase = phase_of(view.state)
         self.set_class(phase is Phase.CUTTING, "-live")
         roomy = self.size.height >= LEAST_POLAR_ROWS
         if roomy != self.has_class("-roomy"):
@@ -173,12 +159,6 @@ class RunPage(Page):
         panels = (self._progress, self._values) if phase is Phase.CUTTING else (self._left, self._right)
         if self._have_room(panels):
             self._fill(phase, view)
-
-    def _phase(self, state: StationState) -> Phase:
-        phase = phase_of(state)
-        # The way to the touch-off is no cut, even where the progress of an earlier one is still there.
-        over = phase is Phase.CUTTING and self._cut_of_stop.is_over(state.cut)
-        return Phase.BEFORE if over else phase
 
     def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
         """Whether these panels know their size. Where not, they are filled as soon as they were laid out."""
@@ -211,13 +191,7 @@ class RunPage(Page):
                 self._show_before(view)
 
     def act(self, action: str) -> None:
-        """Do what a key asks for, or say why not. What a key that is held down sends again does nothing."""
-        now_s = self.desk.control.now_s()
-        before_s = self._pressed_s.get(action, -math.inf)
-        self._pressed_s[action] = now_s
-        if now_s - before_s < REPEAT_S:
-            self._say("screen.key_repeats")
-            return
+        """Do what a key asks for, or say why not."""
         match action:
             case "run.arm":
                 self._arm()
@@ -239,7 +213,7 @@ class RunPage(Page):
 
     def _next_word(self, view: View) -> tuple[str, Token]:
         state = view.state
-        phase = self._phase(state)
+        phase = phase_of(state)
         if phase is Phase.STOPPED:
             proven = state.stop is not None and state.stop.rest_s is not None
             return "stopped" if proven else "stopping", Token.ACTION
@@ -276,14 +250,11 @@ class RunPage(Page):
         if state.armed is not None:
             self.desk.control.post(Disarm())
             return
-        if state.activity is Activity.LOST:
-            self._say("screen.nothing_known")
+        if self._refuses(state, "run.arm"):
             return
         reasons = failing(checks(state, work, self.desk.machine.machine))
         if reasons:
             self.desk.said = reasons
-        elif state.activity is not Activity.READY:
-            self._say("screen.busy")
         elif work is not None:
             # The record must not name a file as the source of a job that differs from it.
             sha256 = f"{work.loaded.sha256} edited" if work.edited else work.loaded.sha256
@@ -293,9 +264,7 @@ class RunPage(Page):
         state = self.desk.control.state
         if state.armed is None or self.desk.control.now_s() > state.armed.until_s:
             self._say("screen.not_armed")
-        elif state.activity is not Activity.READY or state.moving:
-            self._say("screen.busy")
-        else:
+        elif not self._refuses(state, "run.start"):
             self.desk.control.post(Start())
 
     def _hold(self) -> None:
@@ -309,15 +278,9 @@ class RunPage(Page):
 
     def _retract(self) -> None:
         state = self.desk.control.state
-        if state.activity is Activity.LOST or state.snapshot is None:
-            self._say("screen.nothing_known")
-        elif state.stop is not None:
-            self._say("screen.stopped_first", key="F8")
-        elif state.moving:
-            self._say("screen.in_motion")
-        elif state.activity is not Activity.READY:
-            self._say("screen.busy")
-        elif not state.snapshot.loops_closed:
+        if self._refuses(state, "run.retract"):
+            return
+        if state.snapshot is None or not state.snapshot.loops_closed:
             # Nothing holds the tool: it may not be called out, wherever it is seen.
             inside = self._in_part(state) is not False
             self._say("machine.retract_not_possible" if inside else "alignment.drives_off")
@@ -376,9 +339,9 @@ class RunPage(Page):
         text, state = self.desk.text, view.state
         if state.stop is None:
             return
-        rpm = turning_rpm(self._looks, self.desk.machine.machine.spindle.counts_per_rev)
+        rpm = state.spindle_rpm
         self._left.show(stop_lines(text, state.stop, rpm, min(self._left.size.width, WIDEST_FACT)))
-        width, cut = min(self._right.size.width, WIDEST_FACT), self._cut_of_stop.of(state)
+        width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
         if cut is None:
             self._right.show([spindle_line(text, rpm, width), BLANK, *wrapped(text("run_page.no_cut"), width)])
             self._titled(text("run_page.stopped"), text("run_page.values"))
@@ -389,7 +352,7 @@ class RunPage(Page):
     def _show_lost(self, view: View) -> None:
         text, state = self.desk.text, view.state
         self._left.show(lost_lines(text, state, view.now_s, min(self._left.size.width, WIDEST_FACT)))
-        width, cut = min(self._right.size.width, WIDEST_FACT), self._cut_of_stop.of(state)
+        width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
         job = None if view.work is None else view.work.job
         self._right.show([line(dim(NOTHING))] if cut is None else stale(live_lines(text, cut, job, width)))
         age = f"{max(view.now_s - state.looked_s, 0.0):.0f}"
@@ -401,8 +364,15 @@ class RunPage(Page):
             if sheet.border_title != title:
                 sheet.border_title = title
 
-    def _say(self, code: str, *, key: str = "") -> None:
-        self.desk.said = (Problem(code=code, key=key),)
+    def _refuses(self, state: StationState, action: str) -> bool:
+        """Say why the station cannot take an order now, if it cannot."""
+        problem = refusal(state, _KEYS[action])
+        if problem is not None:
+            self.desk.said = (problem,)
+        return problem is not None
+
+    def _say(self, code: str) -> None:
+        self.desk.said = (Problem(code=code),)
 
 
 def _left(state: StationState) -> bool:

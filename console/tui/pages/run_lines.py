@@ -13,9 +13,8 @@ from console.session.progress import CutProgress, CutStage
 from console.session.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, fact, line, wrapped
-from console.tui.pages.align_lines import clipped
-from console.tui.pages.cut_lines import NOTHING
+from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, line, wrapped
+from console.tui.pages.fields import named
 from console.tui.theme import Token
 from drivers.cut import Strategy
 from profiles.machine import MachineProfile
@@ -85,7 +84,7 @@ def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: i
         else:
             more = f" (+{len(check.problems) - 1})" if len(check.problems) > 1 else ""
             rows.append(line(("✗ " + name + more, Token.WARNING)))
-            reason = wrapped(text.problem(check.problems[0]), max(width - 2, 1))
+            reason = wrapped(text.problem(named(check.problems[0], text)), max(width - 2, 1))
             rows += [(dim("  "), *pieces) for pieces in reason]
     return clipped(rows, height)
 
@@ -148,7 +147,7 @@ def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: i
 def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return the figures of a cut that has ended: they are the controller's, nothing was measured on the part."""
     how = text("run_page.held") if cut.stage is CutStage.HELD else text("run_page.done")
-    rows = [line((how, Token.STRONG)), BLANK]
+    rows = [*wrapped(how, width, Token.STRONG), BLANK]
     rows.append(_fact(text, "turns", f"{cut.turn:.0f} / {cut.turns:.0f}", width))
     rows.append(_fact(text, "length", f"{cut.z_mm:.2f} / {cut.length_mm:.2f} mm", width))
     figures = cut.figures

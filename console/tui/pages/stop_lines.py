@@ -3,67 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import dropwhile
 
-from console.session.progress import CutProgress, CutStage
-from console.session.state import Activity, StationState, StopState
+from console.session.progress import CutProgress
+from console.session.state import StationState, StopState
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, fact, wrapped
-from console.tui.pages.cut_lines import NOTHING
+from console.tui.lines import BLANK, NOTHING, Line, fact, wrapped
 from console.tui.theme import Token
 
 LABEL_WIDTH = 13
-LOOKED_S = 1.0
-"""Time over which the speed of the spindle is told from its positions."""
-
 TURNING_RPM = 1.0
 """Speed from which the spindle turns; a drive that is off may creep a count or two."""
-
-RUNNING = frozenset({CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT})
-"""Stages in which the program of a cut runs."""
-
-Look = tuple[float, float]
-
-
-def recent(looks: Sequence[Look], look: Look) -> tuple[Look, ...]:
-    """Return the looks at the spindle (machine time in s, counts) of the last second, with a new one."""
-    if looks and looks[-1][0] == look[0]:
-        return tuple(looks)
-    return (*dropwhile(lambda old: old[0] < look[0] - LOOKED_S, looks), look)
-
-
-def turning_rpm(looks: Sequence[Look], counts_per_rev: float) -> float | None:
-    """Return the mean speed between the first and the last look; None when there is only one."""
-    if len(looks) < 2:
-        return None
-    (from_s, from_counts), (to_s, to_counts) = looks[0], looks[-1]
-    return 60.0 * (to_counts - from_counts) / counts_per_rev / (to_s - from_s)
-
-
-class CutOfStop:
-    """Tells whether a stop came during the cut that is shown: the progress of a cut outlives its stop."""
-
-    def __init__(self) -> None:
-        self._over: CutProgress | None = None
-        self._sent_s: float | None = None
-
-    def see(self, state: StationState) -> None:
-        """Remember with which stop, or without one, a cut was first seen to be over."""
-        if state.cut is self._over or state.activity in (Activity.POSITIONING, Activity.CUTTING):
-            return
-        self._over = state.cut
-        self._sent_s = None if state.stop is None else state.stop.sent_s
-
-    def is_over(self, cut: CutProgress | None) -> bool:
-        """Whether this is the progress of a cut that does not go on any more."""
-        return cut is not None and cut is self._over
-
-    def of(self, state: StationState) -> CutProgress | None:
-        """Return the progress of the cut that this stop ended, None where it ended no cut."""
-        cut, stop = state.cut, state.stop
-        if cut is None or stop is None or cut.stage not in RUNNING:
-            return None
-        return cut if cut is self._over and stop.sent_s == self._sent_s else None
 
 
 def stop_lines(text: Catalogue, stop: StopState, speed_rpm: float | None, width: int) -> list[Line]:
@@ -84,7 +33,19 @@ def stop_lines(text: Catalogue, stop: StopState, speed_rpm: float | None, width:
         drives = text("run_page.drives_closed") if stop.can_retract else text("run_page.drives_open")
         rows.append(row("tool", *_tool(text, stop)))
         rows.append(row("drives", drives, Token.TEXT if stop.can_retract else Token.WARNING))
-    return [*rows, BLANK, *wrapped(_remedy(text, stop), width, Token.STRONG)]
+    mark = [] if stop.mark_mm is None or stop.rest_s is None else mark_lines(text, (stop.mark_mm,), width)
+    return [*rows, *mark, BLANK, *wrapped(_remedy(text, stop), width, Token.STRONG)]
+
+
+def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int) -> list[Line]:
+    """Return where stops left the tool in the part while it turned, and what that means for it."""
+    places = ", ".join(f"{mark_mm:.1f}" for mark_mm in marks_mm)
+    return wrapped("! " + text("run_page.marked", z=places), width, Token.WARNING)
+
+
+def cut_of_stop(state: StationState) -> CutProgress | None:
+    """Return the progress of the cut that the stop in force ended, None where it ended no cut."""
+    return state.cut if state.stop is not None and state.stop.of_cut else None
 
 
 def spindle_line(text: Catalogue, speed_rpm: float | None, width: int) -> Line:

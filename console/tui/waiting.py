@@ -1,0 +1,34 @@
+"""What has to end before the machine takes an order, and what a key is answered until then."""
+
+from __future__ import annotations
+
+from console.session.state import Activity, StationState
+from profiles.problem import Problem
+
+_REFUSALS = {
+    "lost": "session.lost",
+    "stopping": "screen.in_motion",
+    "stopped": "screen.stopped_first",
+    "connecting": "screen.nothing_known",
+    "moving": "screen.in_motion",
+    "busy": "screen.busy",
+}
+
+
+def waiting(state: StationState) -> str:
+    """Return what has to end before an order can be given, in a word; empty when nothing has."""
+    if state.activity is Activity.LOST:
+        return "lost"
+    if state.stop is not None:
+        return "stopping" if state.stop.rest_s is None else "stopped"
+    if state.snapshot is None or state.activity is Activity.CONNECTING:
+        return "connecting"
+    if state.moving:
+        return "stopping" if state.activity is Activity.STOPPING else "moving"
+    return "" if state.activity is Activity.READY else "busy"
+
+
+def refusal(state: StationState, key: str) -> Problem | None:
+    """Return why the station cannot take an order now, None when it can; `key` is how its key is written."""
+    word = waiting(state)
+    return Problem(code=_REFUSALS[word], key=key) if word else None

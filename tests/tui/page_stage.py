@@ -1,0 +1,144 @@
+"""One page on its stage: what comes of a state of the machine and some keys, or of a scene that is played."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from textual.pilot import Pilot
+
+from console.session.intents import Intent
+from console.session.state import Activity, StationState
+from console.session.work import Work
+from console.tui.desk import View
+from console.tui.keymap import PageName
+from console.tui.page import Page
+from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
+
+READY = StationState(activity=Activity.READY)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What came of some keys."""
+
+    text: str
+    next_step: str
+    orders: Sequence[Intent]
+    stops: Sequence[str]
+    said: Sequence[str]
+
+    @property
+    def words(self) -> str:
+        """The text of the left panels, then that of the right ones, without line breaks and frames."""
+        rows = [row.strip("│").partition("││") for row in self.text.splitlines()]
+        return " ".join(" ".join([row[0] for row in rows] + [row[2] for row in rows]).split())
+
+
+def shown_on(
+    page_class: type[Page],
+    now: StationState,
+    *actions: str,
+    size: tuple[int, int] = (80, 24),
+    language: str = "en",
+    work: Work | None = None,
+    no_job: bool = False,
+    then_s: float = 0.0,
+    then: StationState | None = None,
+    leave: bool = False,
+) -> Shown:
+    """Show a state at 100 s, press keys, let `then_s` pass and `then` come, and look at the page."""
+    control = FixedControl(now)
+    job = None if no_job else work or experiment()
+    desk = desk_for(control, Path("/nowhere"), language, job)
+    page = page_class(desk)
+    view = View(state=now, work=job, now_s=100.0)
+
+    async def run() -> str:
+        app = PageStage(page, view)
+        async with app.run_test(size=(size[0], size[1] - FRAME_ROWS)) as pilot:
+            await pilot.pause()
+            for action in actions:
+                page.act(action)
+            if leave:
+                page.leave()
+            for _ in range(2):
+                page.show(replace(view, state=then or now, now_s=100.0 + then_s))
+                await pilot.pause()
+            return grid(app)
+
+    text = asyncio.run(run())
+    return Shown(
+        text=text,
+        next_step="".join(words for words, _ in page.next_step(view)),
+        orders=control.orders,
+        stops=control.stops,
+        said=[problem.code for problem in desk.said],
+    )
+
+
+class PageScene:
+    """A page while a scene is played on it; `gone` are the pages that it went to."""
+
+    page_class: type[Page]
+
+    def __init__(self, data: Path, work: Work | None, language: str, state: StationState) -> None:
+        self.control = FixedControl(state)
+        self.desk = desk_for(self.control, data, language, work)
+        self.gone: list[PageName] = []
+        self.desk.go = self.gone.append
+        self.page = self.page_class(self.desk)
+        self.app = PageStage(self.page, self.view)
+        self.pilot: Pilot[None]
+
+    @property
+    def view(self) -> View:
+        return View(state=self.control.state, work=self.desk.work, now_s=100.0)
+
+    async def act(self, *actions: str) -> None:
+        for action in actions:
+            self.page.act(action)
+            await self.pilot.pause()
+        await self.show()
+
+    async def show(self) -> None:
+        self.page.show(self.view)
+        await self.pilot.pause()
+
+    @property
+    def text(self) -> str:
+        return grid(self.app)
+
+    @property
+    def codes(self) -> list[str]:
+        return [problem.code for problem in self.desk.said]
+
+    @property
+    def next_step(self) -> str:
+        return "".join(piece for piece, _ in self.page.next_step(self.view))
+
+
+Played = TypeVar("Played", bound=PageScene)
+
+
+def play_on(
+    stage_class: type[Played],
+    scene: Callable[[Played], Awaitable[None]],
+    data: Path,
+    *,
+    work: Work | None = None,
+    language: str = "en",
+    size: tuple[int, int] = (80, 18),
+    state: StationState = READY,
+) -> None:
+    async def run() -> None:
+        stage = stage_class(data, work, language, state)
+        async with stage.app.run_test(size=size) as pilot:
+            stage.pilot = pilot
+            await pilot.pause()
+            await scene(stage)
+
+    asyncio.run(run())

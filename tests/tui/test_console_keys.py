@@ -1,0 +1,168 @@
+"""Keys on the whole console: what is done once, answers that are not true any more, a machine that was lost."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from console.session.alignment import Alignment
+from console.session.intents import Home, Intent
+from console.session.state import Activity, Armed, StationState, StopState
+from console.tui.app import ConsoleApp
+from console.tui.held import HeldKeys
+from console.tui.keymap import ACTIONS, PageName
+from drivers.cut import Strategy, plan_cut
+from tests.tui import align_stage, run_stage
+from tests.tui.machine_states import CLAMPED, ON
+from tests.tui.scenes import Scene, application, fill, played
+from tests.tui.stage import FixedControl, experiment
+
+HOMING = align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True))
+LEFT = run_stage.state(snapshot=run_stage.look(tool=run_stage.SURFACE_COUNTS), cut=run_stage.cut())
+
+
+def armed() -> Armed:
+    work = experiment()
+    plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
+    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=run_stage.VALID, until_s=108.4)
+
+
+class Console:
+    """The whole console with fixed states: what was ordered, and what the last key was answered."""
+
+    def __init__(self, app: ConsoleApp, control: FixedControl) -> None:
+        self.app, self.control = app, control
+
+    @property
+    def orders(self) -> list[Intent]:
+        return self.control.orders
+
+    @property
+    def said(self) -> list[str]:
+        return [problem.code for problem in self.app.desk.said]
+
+
+def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float, str]) -> Console:
+    """Press keys at these times, s after the first look."""
+    fill(data)
+    scene = Scene(page=page, state=now, work=experiment())
+    app, control = application(scene, data)
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            for after_s, key in presses:
+                control.at(100.0 + after_s)
+                await pilot.press(key)
+                await pilot.pause()
+
+    asyncio.run(run())
+    assert app.fault is None
+    return Console(app, control)
+
+
+def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
+    once = {action.id for action in ACTIONS if action.once}
+    assert once == {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract"}
+
+
+def test_presses_within_eight_tenths_of_a_second_are_one() -> None:
+    arm, up = (next(a for a in ACTIONS if a.id == name) for name in ("run.arm", "jobs.up"))
+    held = HeldKeys()
+    assert [held.repeats(arm, t) for t in (0.0, 0.7, 1.4, 2.3)] == [False, True, True, False]
+    assert [held.repeats(up, t) for t in (0.0, 0.1, 0.2)] == [False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("key", "page"),
+    [("f4", PageName.ALIGN), *((key, PageName.RUN) for key in ("f5", "f6", "f7", "f8"))],
+)
+def test_a_key_that_is_held_down_orders_once(key: str, page: PageName, tmp_path: Path) -> None:
+    now = {
+        "f4": HOMING,
+        "f5": run_stage.state(),
+        "f6": run_stage.state(armed=armed()),
+        "f7": run_stage.cutting(),
+        "f8": LEFT,
+    }[key]
+    console = pressed(tmp_path, now, page, (0.0, key), (0.5, key), (1.0, key))
+    assert (len(console.orders), console.said) == (1, ["screen.key_repeats"])
+
+
+def test_a_held_f4_does_not_go_from_step_to_step(tmp_path: Path) -> None:
+    again = pressed(tmp_path, HOMING, PageName.ALIGN, (0.0, "f4"), (0.7, "f4"), (1.55, "f4"))
+    assert again.orders == [Home(), Home()]
+
+
+def test_a_held_enter_does_not_ask_again(tmp_path: Path) -> None:
+    far = align_stage.state(seen=align_stage.FAR)
+    held = pressed(tmp_path, far, PageName.ALIGN, *((0.1 * n, "enter") for n in range(20)))
+    assert (held.orders, held.said) == ([], ["screen.key_repeats"])
+
+
+def test_a_jog_key_is_no_such_key(tmp_path: Path) -> None:
+    jogs = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "j"), (0.1, "right"), (0.3, "right"))
+    assert len(jogs.orders) == 2
+
+
+STOP = StopState(reason="space", killed=False, sent_s=100.0)
+
+
+@pytest.mark.parametrize(
+    ("page", "key", "code", "later"),
+    [
+        (PageName.RUN, "f6", "screen.not_armed", {"armed": True}),
+        (PageName.RUN, "f6", "screen.not_armed", {"activity": Activity.ARMING}),
+        (PageName.ALIGN, "right", "screen.jog_not_enabled", {"stop": STOP}),
+    ],
+)
+def test_an_answer_goes_with_the_state_that_it_speaks_of(
+    page: PageName, key: str, code: str, later: dict[str, object], tmp_path: Path
+) -> None:
+    console = pressed(tmp_path, run_stage.state(), page, (0.0, key))
+    assert console.said == [code]
+    desk = console.app.desk
+    desk.forget_stale_answer(replace(console.control.state, looked_s=101.0))
+    assert console.said == [code]
+    changes = {"armed": armed()} if "armed" in later else later
+    desk.forget_stale_answer(replace(console.control.state, **changes))
+    assert console.said == []
+
+
+def test_nothing_is_armed_does_not_stay_beside_armed(tmp_path: Path) -> None:
+    fill(tmp_path)
+    scene = Scene(page=PageName.RUN, state=run_stage.state(), work=experiment())
+    app, control = application(scene, tmp_path)
+    rows: list[str] = []
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            await pilot.press("f6")
+            for now in (run_stage.state(), run_stage.state(armed=armed())):
+                control.state = now
+                app.tick()
+                await pilot.pause()
+                rows.append("".join(text for text, _ in app._rows["alarm"].lines[0]))
+
+    asyncio.run(run())
+    assert "nothing is armed" in rows[0]
+    assert "nothing is armed" not in rows[1]
+
+
+def test_why_a_key_stopped_the_machine_stays_said(tmp_path: Path) -> None:
+    """The stop changes what the machine does, and that is what the answer speaks of."""
+    jogging = align_stage.state(activity=Activity.JOGGING)
+    console = pressed(tmp_path, jogging, PageName.ALIGN, (0.0, "f3"))
+    assert (console.control.stops, console.said) == (["unbound"], ["screen.key_in_motion"])
+    stopped = replace(jogging, activity=Activity.STOPPED, stop=replace(STOP, rest_s=100.4))
+    console.app.desk.forget_stale_answer(stopped)
+    assert console.said == ["screen.key_in_motion"]
+
+
+def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_be_left(tmp_path: Path) -> None:
+    moving = align_stage.look(ON - {"desired_velocity_zero"})
+    lost = align_stage.state(activity=Activity.LOST, snapshot=moving)
+    console = pressed(tmp_path, lost, PageName.ALIGN, (0.0, "z"), (1.0, "ctrl+q"))
+    assert (console.control.stops, console.said) == (["unbound"], [])
