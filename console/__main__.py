@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCREEN = "console.tui.start"
-MODULES = {name: f"console.cli.{name}" for name in ("jobs", "preview", "program", "run", "simulator", "roundness")}
+COMMANDS = ("jobs", "preview", "program", "check-program", "run", "simulator", "roundness")
+MODULES = {name: f"console.cli.{name.replace('-', '_')}" for name in COMMANDS}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

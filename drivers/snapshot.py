@@ -109,6 +109,12 @@ def snapshot_items(motors: Sequence[int]) -> tuple[str, ...]:
     return (*items, "&1??")
 
 
+def _flags(status: str) -> frozenset[str]:
+    """Return the flags of a motor. In open loop the card reports no desired velocity, and so none that is zero."""
+    flags = decode(status, PMAC.motor_bits)
+    return flags | {"desired_velocity_zero"} if "open_loop" in flags else flags
+
+
 def read_snapshot(replies: Sequence[str], at_s: float, where: str) -> Snapshot:
     """Make a snapshot of the replies to `snapshot_items`.
 
@@ -117,9 +123,7 @@ def read_snapshot(replies: Sequence[str], at_s: float, where: str) -> Snapshot:
     """
     try:
         axes = [
-            AxisState(
-                position=float(position), following_error=float(error), flags=decode(status, PMAC.motor_bits)
-            )
+            AxisState(position=float(position), following_error=float(error), flags=_flags(status))
             for position, error, status in (
                 replies[start : start + ITEMS_PER_AXIS] for start in range(0, len(replies) - 1, ITEMS_PER_AXIS)
             )

@@ -16,6 +16,8 @@ DEFAULT_MACHINE = "lee-2001-lathe"
 STRATEGIES = ("none", "paper", "pvt")
 DEFAULT_STRATEGY = "pvt"
 TS_LIMIT_MS = 1000
+DIALECTS = ("pmac", "turbo")
+SLOWEST, FASTEST = 0.01, 100.0
 
 _WORDING = (
     (re.compile(r"the following arguments are required: (?P<value>.*)"), "usage.required"),
@@ -80,6 +82,7 @@ def build(text: Catalogue) -> Parser:
     _jobs(commands, text)
     _preview(commands, text)
     _program(commands, text)
+    _check_program(commands, text)
     _run(commands, text)
     _simulator(commands, text)
     _roundness(commands, text)
@@ -103,6 +106,14 @@ def _program(commands: _Commands, text: Catalogue) -> None:
     _strategy(parser, text)
 
 
+def _check_program(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "check-program", text)
+    parser.add_argument("file", metavar="FILE", help=text("help.program_file"))
+    _machine(parser, text)
+    parser.add_argument("--ta", metavar="MS", type=_ts, dest="ta_ms", help=text("help.other_ta"))
+    parser.add_argument("--ts", metavar="MS", type=_ts, dest="ts_ms", help=text("help.other_ts"))
+
+
 def _run(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "run", text)
     _job(parser, text)
@@ -113,8 +124,12 @@ def _run(commands: _Commands, text: Catalogue) -> None:
 
 def _simulator(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "simulator", text)
-    parser.add_argument("--tcp", metavar="HOST:PORT", type=_host_port, required=True, help=text("help.tcp"))
+    parser.add_argument("--tcp", metavar="HOST:PORT", type=_host_port, help=text("help.tcp"))
+    parser.add_argument("--ethernet", metavar="HOST:PORT", type=_host_port, help=text("help.ethernet"))
+    parser.add_argument("--pty", action="store_true", help=text("help.pty"))
     _machine(parser, text)
+    parser.add_argument("--dialect", choices=DIALECTS, help=text("help.dialect"))
+    parser.add_argument("--speed", metavar="X", type=_speed, default=1.0, help=text("help.speed"))
 
 
 def _roundness(commands: _Commands, text: Catalogue) -> None:
@@ -177,6 +192,18 @@ def _host_port(word: str) -> TcpAddress:
         return parse_host_port(word)
     except ProblemError as error:
         raise argparse.ArgumentTypeError(Parser.text.problem(error.problems[0])) from error
+
+
+def _speed(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = 0.0
+    if not SLOWEST <= value <= FASTEST:
+        raise argparse.ArgumentTypeError(
+            Parser.text("usage.speed", value=word, limit=f"{SLOWEST:g} - {FASTEST:g}")
+        )
+    return value
 
 
 def _filter(word: str) -> float | None:

@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from argparse import Namespace
 from typing import TYPE_CHECKING
 
 from console.cli.library import machine_of
-from console.cli.output import print_json
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from drivers.link.address import TcpAddress
+    from drivers.simulator.machine import SimulatedLathe
+    from profiles.machine import MachineProfile
+
+WRONG_USAGE = 2
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Serve until a signal ends it."""
-    from drivers.simulator.machine import SimulatedLathe
-    from drivers.simulator.server import serve
+    if not (options.tcp or options.ethernet or options.pty):
+        print(f"console simulator: {text('usage.no_listener')}", file=sys.stderr)
+        return WRONG_USAGE
+    from drivers.simulator.server import Listeners, serve
 
     machine = machine_of(options).machine
 
-    def ready(bound: TcpAddress) -> None:
+    def ready(address: str) -> None:
         if options.json:
-            print_json({"listening": str(bound), "machine": machine.name, "simulated": True})
+            # A line each: who reads them cannot wait for the end of the output.
+            print(json.dumps({"listening": address, "machine": machine.name, "simulated": True}))
         else:
-            print(text("simulator.ready", machine=machine.name, address=bound))
+            print(text("simulator.ready", machine=machine.name, address=address))
         sys.stdout.flush()
 
-    serve(SimulatedLathe(machine), options.tcp, ready)
+    listeners = Listeners(tcp=options.tcp, ethernet=options.ethernet, pty=options.pty)
+    serve(_lathe(machine, options.dialect), listeners, ready, options.speed)
     return 0
+
+
+def _lathe(machine: MachineProfile, dialect: str | None) -> SimulatedLathe:
+    """Return the machine with the controller that its profile names, or with the one that is asked for."""
+    from drivers.pmac.dialect import DIALECTS
+    from drivers.simulator.machine import SimulatedLathe
+
+    return SimulatedLathe(machine) if dialect is None else SimulatedLathe(machine, dialect=DIALECTS[dialect])

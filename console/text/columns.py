@@ -35,3 +35,15 @@ def table(rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> list[st
         ).rstrip()
         for row in rows
     ]
+
+
+def broken(text: str, width: int) -> list[str]:
+    """Return a text broken at spaces into lines of at most `width` cells; a longer word stays whole."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".lstrip()
+        if cell_width(longer) <= width or not lines[-1]:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines

@@ -1,44 +1,66 @@
-"""Axis definitions: which motor moves which axis, and how many counts make one user unit."""
+"""Axis definitions: which motors move which axes, and how many counts make one user unit."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.text import format_number
+from drivers.pmac.linear_axes import Row, solve
 
 AXIS_LETTERS = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
+
+CARTESIAN = (("X", "Y", "Z"), ("U", "V", "W"))
+"""The axes of one of these may be mixed in a definition."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisDefinition:
-    """`#motor->scale axis + offset`: motor counts = scale x axis position + offset."""
+    """`#motor->terms + offset`: motor counts = sum of scale x axis position + offset.
+
+    `terms` are the axes with their scales (counts a user unit), in the order in which they were typed.
+    """
 
     motor: int
-    axis: str
-    scale: float = 1.0
+    terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
 
-    def counts(self, position: float) -> float:
-        """Return the motor position in counts for an axis position in user units."""
-        return self.scale * position + self.offset
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The letters of all axes that this motor serves."""
+        return tuple(axis for axis, _ in self.terms)
 
-    def units(self, counts: float) -> float:
-        """Return the axis position in user units for a motor position in counts."""
-        return (counts - self.offset) / self.scale
+    @property
+    def axis(self) -> str:
+        """The axis, of a definition that has one; otherwise the first."""
+        return self.terms[0][0]
+
+    @property
+    def scale(self) -> float:
+        """Counts a user unit of `axis`."""
+        return self.terms[0][1]
+
+    def counts(self, positions: Mapping[str, float]) -> float:
+        """Return the motor position in counts for axis positions in user units."""
+        return sum([scale * positions[axis] for axis, scale in self.terms]) + self.offset
+
+    def distance(self, distances: Mapping[str, float]) -> float:
+        """Return the motor's share of a distance (or of a velocity); axes that are left out do not move."""
+        return sum([scale * distances.get(axis, 0.0) for axis, scale in self.terms])
+
+    def shifted(self, origins: Mapping[str, float]) -> AxisDefinition:
+        """Return the definition for axes that call the place of their zero `origins` (user units)."""
+        return replace(self, offset=self.offset - self.distance(origins)) if origins else self
 
     def __str__(self) -> str:
-        scale = "" if self.scale == 1.0 else format_number(self.scale)
-        offset = ""
-        if self.offset:
-            offset = ("+" if self.offset > 0 else "-") + format_number(abs(self.offset))
-        return f"{scale}{self.axis}{offset}"
+        text = "".join(_signed(scale, axis) for axis, scale in self.terms) + _signed(self.offset, "")
+        return text.removeprefix("+")
 
 
 def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
-    """Read what follows `#n->`: a definition, or 0, which clears it (None).
+    """Read what follows `#n->`: a definition such as `8660X-5000Y+10`, or 0, which clears it (None).
 
     Raises:
         PmacError: 003, not a definition.
@@ -50,14 +72,18 @@ def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
         if scale == 0.0 and not negative:
             return None
         raise PmacError(ErrorCode.DATA_ERROR, "an axis definition, as in #1->2000X+10")
-    scale = (1.0 if scale is None else scale) * (-1.0 if negative else 1.0)
-    if scale == 0.0:
-        raise PmacError(ErrorCode.DATA_ERROR, "an axis scale of zero")
-    sign = 1.0 if scanner.accept("+") else -1.0 if scanner.accept("-") else 0.0
-    offset = scanner.take_number() if sign else 0.0
-    if offset is None:
-        raise PmacError(ErrorCode.DATA_ERROR, "an axis offset")
-    return AxisDefinition(motor=motor, axis=axis, scale=scale, offset=sign * offset)
+    terms = [_term(axis, scale, negative)]
+    while scanner.peek("+-"):
+        negative = scanner.accept("-") or not scanner.accept("+")
+        number = scanner.take_number()
+        other = _partner(scanner, terms)
+        if other is not None:
+            terms.append(_term(other, number, negative))
+            continue
+        if number is None:
+            raise PmacError(ErrorCode.DATA_ERROR, "an axis offset")
+        return AxisDefinition(motor=motor, terms=tuple(terms), offset=-number if negative else number)
+    return AxisDefinition(motor=motor, terms=tuple(terms))
 
 
 def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
@@ -79,5 +105,70 @@ def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
 
 
 def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[int, float]) -> dict[str, float]:
-    """Return the position of every defined axis in user units; `counts` by motor number."""
-    return {d.axis: d.units(counts[motor]) for motor, d in definitions.items()}
+    """Return the position of every defined axis in user units; `counts` by motor number.
+
+    Where several motors serve an axis, those of the lower numbers decide. An axis that the motors do not
+    determine is at 0.
+    """
+    ordered = [definitions[motor] for motor in sorted(definitions)]
+    values = [counts[definition.motor] - definition.offset for definition in ordered]
+    solved = solve(_rows(ordered), values)
+    return {axis: solved.get(axis, 0.0) for definition in ordered for axis in definition.axes}
+
+
+def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
+    """Make sure that as many motors as there are axes also determine them; fewer are not yet complete.
+
+    Raises:
+        PmacError: 003, motors that depend on one another.
+    """
+    rest = list(definitions)
+    while rest:
+        group = [rest.pop()]
+        axes = set(group[0].axes)
+        while linked := [definition for definition in rest if axes & set(definition.axes)]:
+            group += linked
+            axes |= {axis for definition in linked for axis in definition.axes}
+            rest = [definition for definition in rest if definition not in linked]
+        if len(group) >= len(axes) > len(solve(_rows(group), [0.0] * len(group))):
+            text = ", ".join(f"#{definition.motor}->{definition}" for definition in group)
+            raise PmacError(ErrorCode.DATA_ERROR, f"{text} do not determine {', '.join(sorted(axes))}")
+
+
+def preset_origins(
+    origins: Mapping[str, float], positions: Mapping[str, float], presets: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the origins after PSET, `X=5` or Z: axes at `positions` are, from now on, at `presets`.
+
+    An origin is the position (user units) that an axis has where its definition alone would say 0; axes without
+    one are left out. The definitions for the new positions are those `shifted` by the new origins.
+    """
+    moved = {
+        axis: origins.get(axis, 0.0) + presets[axis] - positions[axis] for axis in presets if axis in positions
+    }
+    return {axis: origin for axis, origin in {**origins, **moved}.items() if origin}
+
+
+def _rows(definitions: Sequence[AxisDefinition]) -> list[Row]:
+    return [dict(definition.terms) for definition in definitions]
+
+
+def _term(axis: str, scale: float | None, negative: bool) -> tuple[str, float]:
+    if scale == 0.0:
+        raise PmacError(ErrorCode.DATA_ERROR, "an axis scale of zero")
+    return axis, (1.0 if scale is None else scale) * (-1.0 if negative else 1.0)
+
+
+def _partner(scanner: Scanner, terms: Sequence[tuple[str, float]]) -> str | None:
+    """Take another axis of the same Cartesian three, if one follows."""
+    named = {axis for axis, _ in terms}
+    letters = tuple(axis for three in CARTESIAN if named <= set(three) for axis in three if axis not in named)
+    return scanner.take_word(letters) if letters else None
+
+
+def _signed(value: float, axis: str) -> str:
+    """Write `+2000X`, `-X`, or an offset; nothing for an offset of 0."""
+    if not value and not axis:
+        return ""
+    size = "" if axis and value == 1.0 else format_number(abs(value))
+    return f"{'-' if value < 0.0 else '+'}{size}{axis}"

@@ -9,17 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.axes import AxisDefinition, axis_positions
-from drivers.pmac.execution import Modes, ProgramRun
+from drivers.pmac.analysis.timeline import turning_points
+from drivers.pmac.analysis.walk import Ending, walk
+from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.evaluate import evaluate
-from drivers.pmac.language.structure import link
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
-from drivers.pmac.trajectory.planner import MotionPlanner, MoveRecord
-from drivers.pmac.variables import VariableStore
+from drivers.pmac.trajectory.planned import MoveRecord
 
 ENDLESS_MOVES = 200_000
 """Moves after which a program is said to have no end."""
@@ -61,23 +59,17 @@ def run_through(
     Raises:
         PmacError: what the controller would refuse; 003 also for a program without an end.
     """
-    variables = VariableStore(i_variables)
-    for line in text.settings:
-        _settle(line, variables)
-    ordered = tuple(sorted(definitions, key=lambda definition: definition.motor))
-    by_motor = {definition.motor: definition for definition in ordered}
-    run = ProgramRun(link(text.program), variables, Modes(), axis_positions(by_motor, start))
-    planner = MotionPlanner(run, ordered, variables, tuple(start[d.motor] for d in ordered))
-    moves: list[CheckedMove] = []
-    pieces: list[Piece] = []
-    for _ in range(ENDLESS_MOVES):
-        planned = planner.plan()
-        pieces.extend(planned.pieces)
-        if planned.record is not None:
-            moves.append(CheckedMove(record=planned.record, pieces=planned.pieces))
-        if planned.finished:
-            return _summary(tuple(d.motor for d in ordered), moves, pieces)
-    raise PmacError(ErrorCode.DATA_ERROR, f"no end after {ENDLESS_MOVES} moves")
+    walked = walk(text, i_variables, definitions, start, most_steps=ENDLESS_MOVES, watched=False)
+    if walked.error is not None:
+        raise walked.error
+    if walked.ending is not Ending.FINISHED:
+        raise PmacError(ErrorCode.DATA_ERROR, f"no end after {len(walked.steps)} moves")
+    moves = [
+        CheckedMove(record=step.planned.record, pieces=step.planned.pieces)
+        for step in walked.steps
+        if step.planned.record is not None
+    ]
+    return _summary(walked.motors, moves, walked.pieces)
 
 
 def loop_lines(program: syntax.Program) -> frozenset[int]:
@@ -100,17 +92,10 @@ def extent(pieces: Sequence[Piece], index: int) -> tuple[float, float]:
     values = [
         position_at(piece.cubics[index], instant)
         for piece in pieces
-        for instant in (0.0, piece.duration_ms, *_turning_points(piece.cubics[index], piece.duration_ms))
+        for instant in (0.0, piece.duration_ms, *turning_points(piece.cubics[index]))
+        if 0.0 <= instant <= piece.duration_ms
     ]
     return min(values), max(values)
-
-
-def _settle(line: syntax.Line, variables: VariableStore) -> None:
-    for statement in line:
-        if not isinstance(statement, syntax.Assign):
-            raise PmacError(ErrorCode.NO_BUFFER_OPEN, "only settings may stand before OPEN PROG")
-        index = int(evaluate(statement.target.index, variables))
-        variables.set(statement.target.kind, index, evaluate(statement.value, variables))
 
 
 def _summary(motors: tuple[int, ...], moves: list[CheckedMove], pieces: list[Piece]) -> CheckedProgram:
@@ -139,17 +124,3 @@ def _peak_velocity(cubic: Cubic, duration_ms: float) -> float:
         if 0.0 < instant < duration_ms:
             peak = max(peak, abs(velocity_at(cubic, instant)))
     return peak
-
-
-def _turning_points(cubic: Cubic, duration_ms: float) -> list[float]:
-    """Return the instants inside a piece at which the velocity is zero."""
-    _, c1, c2, c3 = cubic
-    if c3 == 0.0:
-        roots = [-c1 / (2.0 * c2)] if c2 else []
-    else:
-        discriminant = c2 * c2 - 3.0 * c1 * c3
-        if discriminant < 0.0:
-            return []
-        root = discriminant**0.5
-        roots = [(-c2 + root) / (3.0 * c3), (-c2 - root) / (3.0 * c3)]
-    return [instant for instant in roots if 0.0 < instant < duration_ms]

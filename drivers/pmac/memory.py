@@ -5,12 +5,32 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.lexer import Scanner
+
+WORD_BITS = 24
+
+SHORT_SPACES = ("X", "Y")
+LONG_SPACES = ("D", "L", "DP", "F")
+MULTIPLEXED_SPACES = ("TWB", "TWD", "TWR", "TWS")
+
+WIDTHS = (1, 4, 8, 12, 16, 20, 24)
+"""The widths of the parts of a word that an M-variable may have, in bits."""
+
+WHOLE_WORD = 24
+"""Given as an offset, it stands for all the bits."""
+
+HIGHEST_MULTIPLEXED = 255
+
+_SPACES = (*SHORT_SPACES, *LONG_SPACES, *MULTIPLEXED_SPACES)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pointer:
     """`M1->Y:$C0,0,24,S`: `space` X, Y, D (48 bits fixed), L (48 bits floating), DP, F, TWB, TWD, TWR or TWS.
 
-    `offset` and `width` in bits, for X and Y only. A width of 24 at offset 0 is the whole word.
+    `offset` and `width` in bits, for X and Y; for TWB and TWD as their accessories count them. A width of 24 at
+    offset 0 is the whole word.
     """
 
     space: str
@@ -18,6 +38,15 @@ class Pointer:
     offset: int = 0
     width: int = 24
     signed: bool = False
+
+    def __str__(self) -> str:
+        if self.space in LONG_SPACES:
+            return f"{self.space}:${self.address:X}"
+        sign = ",S" if self.signed else ""
+        if self.space in SHORT_SPACES:
+            width = f",{self.width}" if self.width != 1 or self.signed else ""
+            return f"{self.space}:${self.address:X},{self.offset}{width}{sign}"
+        return f"{self.space}:{self.address},{self.offset},{self.width}{sign}"
 
 
 class Memory(Protocol):
@@ -30,3 +59,60 @@ class Memory(Protocol):
     def write(self, pointer: Pointer, value: float) -> None:
         """Store a value there; non-integers are rounded, the bits that do not fit are lost."""
         ...
+
+
+def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
+    """Read what follows `M1->`: a definition, or `*`, which points at nothing (None).
+
+    Raises:
+        PmacError: 003, not a definition, or an address, offset or width that there is not.
+    """
+    if scanner.accept("*"):
+        return None
+    space = scanner.take_word(_SPACES)
+    if space is None:
+        raise scanner.refusal("a definition as in M1->Y:$C0,8,4")
+    scanner.accept(":")
+    address = _integer(scanner, HIGHEST_MULTIPLEXED if space in MULTIPLEXED_SPACES else highest_address)
+    if space in LONG_SPACES:
+        return Pointer(space=space, address=address)
+    if space in SHORT_SPACES:
+        return _part_of_word(scanner, space, address)
+    scanner.expect(",")
+    offset = _integer(scanner, 7)
+    scanner.expect(",")
+    width = _integer(scanner, 32)
+    return Pointer(space=space, address=address, offset=offset, width=width, signed=_signed(scanner))
+
+
+def _part_of_word(scanner: Scanner, space: str, address: int) -> Pointer:
+    scanner.expect(",")
+    offset, width = _integer(scanner, WHOLE_WORD), 1
+    mark = scanner.mark()
+    if scanner.accept(","):
+        given = scanner.take_integer()
+        if given is None:
+            scanner.reset(mark)
+        else:
+            width = given
+    if offset == WHOLE_WORD:
+        offset, width = 0, WORD_BITS
+    if width not in WIDTHS or offset + width > WORD_BITS:
+        raise PmacError(ErrorCode.DATA_ERROR, f"{width} bits from bit {offset} of a word of {WORD_BITS}")
+    return Pointer(space=space, address=address, offset=offset, width=width, signed=_signed(scanner))
+
+
+def _signed(scanner: Scanner) -> bool:
+    if not scanner.accept(","):
+        return False
+    if scanner.accept("S"):
+        return True
+    scanner.expect("U")
+    return False
+
+
+def _integer(scanner: Scanner, highest: int) -> int:
+    value = scanner.take_integer()
+    if value is None or value > highest:
+        raise scanner.refusal(f"a number up to {highest}")
+    return value

@@ -3,60 +3,254 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+from drivers.pmac.axes import AxisDefinition, scan_definition
+from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM, HIGHEST_PROGRAM
+from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.parser import parse_line
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.message_statements import HIGHEST_PLC
+from drivers.pmac.language.parser import parse_line, parse_statement
+from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
 
-_OPEN = re.compile(r"OPEN\s*PROG\s*(\d+)$", re.IGNORECASE)
+_DIRECTIVE = re.compile(r"#\s*(define|include|undef|ifdef|ifndef|if|else|endif)\b", re.IGNORECASE)
+_TRAILING_CLOSE = re.compile(r"C\s*L\s*O\s*S\s*E\s*$", re.IGNORECASE)
+_COMMENT = re.compile(r'((?:[^;"]|"[^"]*"?)*);.*')
+_PROGRAM_WORDS = ("OPENPROGRAM", "OPENPROG")
+_PLC_WORD = "OPENPLC"
+_BUFFER_WORDS = (*_PROGRAM_WORDS, _PLC_WORD, "OPEN", "CLEAR", "CLR", "CLOSE")
+
+_BUFFERED = (
+    syntax.Set
+    | syntax.SelectMode
+    | syntax.Wait
+    | syntax.Preset
+    | syntax.While
+    | syntax.If
+    | syntax.Else
+    | syntax.EndWhile
+    | syntax.EndIf
+    | syntax.Goto
+    | syntax.Gosub
+    | syntax.Read
+    | syntax.Return
+)
+_ON_LINE_LETTERS = ("B", "I")
+"""B1 and I100 are commands, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramText:
     """`settings` are executed on line before; `program` is what the buffer `number` is to hold.
 
-    `lines` are the texts to send, without comments and empty lines, in order.
+    `lines` are the texts to send, without comments and empty lines, in order. Of several programs in a text the
+    first one that is not reserved for G, M, T and D codes (below 1000) is the program, the others are
+    `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
+    the other on-line commands, both as they stand in the text. `places` are the lines of the text, from 1, that
+    the lines of each program stand in.
     """
 
     number: int
     settings: tuple[Line, ...]
     program: Program
     lines: tuple[str, ...]
+    subprograms: Mapping[int, Program] = field(default_factory=dict)
+    definitions: tuple[AxisDefinition, ...] = ()
+    commands: tuple[str, ...] = ()
+    plcs: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    places: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+
+    def code(self, number: int) -> Code | None:
+        """Return a program of this text ready to run: the library of its calls.
+
+        Raises:
+            PmacError: 009 or 016, a program that is not well formed.
+        """
+        program = self.program if number == self.number else self.subprograms.get(number)
+        return None if program is None else link(program)
 
 
-def read_program(text: str) -> ProgramText:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefusedLine:
+    """A line of a text, from 1, that the card does not take."""
+
+    place: int
+    text: str
+    error: PmacError
+
+
+def read_program(text: str, refused: list[RefusedLine] | None = None) -> ProgramText:
     """Take a text apart as the card would.
+
+    With `refused`, the lines that the card does not take go there, and the next ones are read, as the card does.
 
     Raises:
         PmacError: the line that is wrong is in its detail.
     """
-    number = 0
-    settings: list[Line] = []
-    program: list[Line] = []
-    sent: list[str] = []
-    opened = False
+    taken = _Taken()
     for place, raw in enumerate(text.splitlines(), start=1):
-        line = raw.partition(";")[0].strip()
+        line = _without_comment(raw).strip()
         if not line:
             continue
-        sent.append(line)
-        match = _OPEN.fullmatch(line)
-        if match:
-            number, opened = int(match[1]), True
-        elif line.upper() == "CLEAR":
-            program.clear()
-        elif line.upper() == "CLOSE":
-            opened = False
-        else:
-            (program if opened else settings).append(_parsed(line, place))
-    if not number:
+        taken.lines.append(line)
+        taken.place = place
+        try:
+            taken.take(line)
+        except PmacError as error:
+            if refused is not None:
+                refused.append(RefusedLine(place=place, text=line, error=error))
+                continue
+            raise PmacError(error.code, f"line {place}: {error.detail}") from error
+    if not taken.programs:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
-    return ProgramText(number=number, settings=tuple(settings), program=tuple(program), lines=tuple(sent))
+    return taken.finished()
 
 
-def _parsed(line: str, place: int) -> Line:
+def _without_comment(line: str) -> str:
+    found = _COMMENT.fullmatch(line)
+    return line if found is None else found[1]
+
+
+@dataclass(slots=True)
+class _Taken:
+    """What has been read so far; `program` or `plc` is the open buffer."""
+
+    lines: list[str] = field(default_factory=list)
+    settings: list[Line] = field(default_factory=list)
+    definitions: dict[int, AxisDefinition] = field(default_factory=dict)
+    commands: list[str] = field(default_factory=list)
+    programs: dict[int, list[Line]] = field(default_factory=dict)
+    plcs: dict[int, list[str]] = field(default_factory=dict)
+    places: dict[int, list[int]] = field(default_factory=dict)
+    place: int = 0
+    number: int = 0
+    program: list[Line] | None = None
+    plc: list[str] | None = None
+
+    def finished(self) -> ProgramText:
+        number = next((n for n in self.programs if n < FIRST_CODE_PROGRAM), next(iter(self.programs)))
+        return ProgramText(
+            number=number,
+            settings=tuple(self.settings),
+            program=tuple(self.programs[number]),
+            lines=tuple(self.lines),
+            subprograms={n: tuple(lines) for n, lines in self.programs.items() if n != number},
+            definitions=tuple(self.definitions.values()),
+            commands=tuple(self.commands),
+            plcs={n: tuple(lines) for n, lines in self.plcs.items()},
+            places={n: tuple(places) for n, places in self.places.items()},
+        )
+
+    def take(self, line: str) -> None:
+        directive = _DIRECTIVE.match(line)
+        if directive is not None:
+            name = directive[1].lower()
+            raise PmacError(ErrorCode.DATA_ERROR, f"#{name} is for the host; send the text with it carried out")
+        scanner = Scanner(line)
+        while (word := scanner.take_word(_BUFFER_WORDS)) is not None:
+            self._buffer_word(scanner, word)
+        rest = line[scanner.position :]
+        closing = _TRAILING_CLOSE.search(rest)
+        if closing is not None:
+            rest = rest[: closing.start()]
+        self._line(rest.strip())
+        if closing is not None:
+            self.program = self.plc = None
+
+    def _buffer_word(self, scanner: Scanner, word: str) -> None:
+        if word == "CLOSE":
+            self.program = self.plc = None
+        elif word in ("CLEAR", "CLR"):
+            for buffer in (self.program, self.plc):
+                if buffer is not None:
+                    buffer.clear()
+            if self.program is not None:
+                self.places[self.number] = []
+        elif self.program is not None or self.plc is not None:
+            raise PmacError(ErrorCode.BUFFER_IN_USE, "CLOSE is missing before the next OPEN")
+        elif word == _PLC_WORD:
+            self.plc = self.plcs.setdefault(_number(scanner, 0, HIGHEST_PLC), [])
+        elif word in _PROGRAM_WORDS:
+            self.number = _number(scanner, 1, HIGHEST_PROGRAM)
+            self.program = self.programs.setdefault(self.number, [])
+            self.places.setdefault(self.number, [])
+        else:
+            raise scanner.refusal("OPEN PROG or OPEN PLC")
+
+    def _line(self, text: str) -> None:
+        if not text:
+            return
+        if self.program is not None:
+            self.program.append(parse_line(text))
+            self.places[self.number].append(self.place)
+        elif self.plc is not None:
+            self.plc.append(text)
+        else:
+            self._on_line(text)
+
+    def _on_line(self, text: str) -> None:
+        """Take assignments and axis definitions out of a line; the commands between them stay text."""
+        scanner = Scanner(text)
+        assigned: list[syntax.Statement] = []
+        while not scanner.at_end:
+            mark = scanner.mark()
+            if self._define(scanner):
+                continue
+            scanner.reset(mark)
+            if scanner.accept("&") and (system := scanner.take_integer()) is not None:
+                self.commands.append(f"&{system}")
+                continue
+            scanner.reset(mark)
+            setting = _setting(scanner)
+            if setting is None:
+                scanner.reset(mark)
+                self.commands.append(text[scanner.position :].strip())
+                break
+            assigned.append(setting)
+        if assigned:
+            self.settings.append(tuple(assigned))
+
+    def _define(self, scanner: Scanner) -> bool:
+        if not scanner.accept("#"):
+            return False
+        motor = scanner.take_integer()
+        if motor is None or not scanner.accept("->") or scanner.at_end or scanner.peek("#&,"):
+            return False
+        definition = scan_definition(scanner, motor)
+        self.definitions.pop(motor, None)
+        if definition is not None:
+            self.definitions[motor] = definition
+        return True
+
+
+def _setting(scanner: Scanner) -> syntax.Assign | None:
+    """Read an assignment; None when an on-line command stands there (`I100=*` is one).
+
+    Raises:
+        PmacError: 005, a statement that only a buffer takes.
+    """
+    rest = scanner.rest
     try:
-        return parse_line(line)
-    except PmacError as error:
-        raise PmacError(error.code, f"line {place}: {error.detail}") from error
+        statement = parse_statement(scanner)
+    except PmacError:
+        if rest.endswith("=*"):
+            return None
+        raise
+    if isinstance(statement, syntax.Assign) and not statement.synchronous:
+        return statement
+    buffered = isinstance(statement, _BUFFERED) or (
+        isinstance(statement, syntax.Move) and statement.words[0].axis not in _ON_LINE_LETTERS
+    )
+    if buffered:
+        raise PmacError(ErrorCode.NO_BUFFER_OPEN, f"{rest[:20]} outside of OPEN PROG and CLOSE")
+    return None
+
+
+def _number(scanner: Scanner, lowest: int, highest: int) -> int:
+    number = scanner.take_integer()
+    if number is None or not lowest <= number <= highest:
+        raise scanner.refusal(f"a number from {lowest} to {highest}")
+    return number

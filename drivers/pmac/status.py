@@ -1,6 +1,6 @@
 """Status words of motors, coordinate systems and the whole card, by the tables of named bits of a dialect.
 
-One table serves both sides: the simulator encodes with it and the client decodes with it. Words are 24 bits,
+One table serves both sides: the simulator packs with it and the client decodes with it. Words are 24 bits,
 sent as hexadecimal digits, most significant first (PMAC Software Reference, `?`, `??`, `???`).
 """
 
@@ -14,12 +14,21 @@ BitTable = Mapping[str, tuple[int, int]]
 """Name of a bit to (word counted from 1, bit)."""
 
 
-def encode(names: Iterable[str], table: BitTable, extra: tuple[int, ...] = (0, 0)) -> str:
-    """Return the hexadecimal digits of the words with the named bits set; `extra` are bits set otherwise."""
-    words = list(extra)
-    for name in names:
-        word, bit = table[name]
-        words[word - 1] |= 1 << bit
+def pack(conditions: Mapping[str, bool], table: BitTable, words: int = 2) -> tuple[int, ...]:
+    """Return the words in which the bits of the conditions that hold are set.
+
+    What a table has no bit for is left out: not every family reports everything.
+    """
+    packed = [0] * words
+    for name, holds in conditions.items():
+        if holds and name in table:
+            word, bit = table[name]
+            packed[word - 1] |= 1 << bit
+    return tuple(packed)
+
+
+def digits_of(words: Iterable[int]) -> str:
+    """Return the hexadecimal digits of status words."""
     return "".join(f"{word:06X}" for word in words)
 
 

@@ -84,7 +84,11 @@ class VariableStore:
 
     def view(self, system: int) -> SystemVariables:
         """Return the variables as a program or a host sees them that is addressed to a coordinate system."""
-        return SystemVariables(self, system)
+        return SystemVariables(self, system, self._p)
+
+    def settings(self) -> dict[int, float]:
+        """Return every I-variable that was ever set, by number (to save them)."""
+        return dict(self._i)
 
     def replace_i(self, values: Mapping[int, float]) -> None:
         """Put a whole set of I-variables in the place of the present one (a reset)."""
@@ -97,7 +101,8 @@ class VariableStore:
         if limits is not None:
             lowest, count = limits
             value = float(lowest + (math.floor(value + 0.5) - lowest) % count)
-        if index % 100 not in MODAL_NUMBERS:
+        # Where systems have numbers of their own, a motor's Ixx88 is a setting like any other.
+        if index % 100 not in MODAL_NUMBERS or index < self.dialect.system_offset:
             self.i_revision += 1
         self._i[index] = value
 
@@ -126,13 +131,16 @@ class VariableStore:
 class SystemVariables:
     """The variables with the Q-variables of one coordinate system."""
 
-    def __init__(self, store: VariableStore, system: int) -> None:
+    def __init__(self, store: VariableStore, system: int, p_variables: Mapping[int, float]) -> None:
+        """`p_variables` are those of the store: a program reads some thousands of them a second."""
         self.store = store
         self.number = system
+        self._p = p_variables
 
     def get(self, kind: VariableKind, index: int) -> float:
         """Return a value, see `VariableStore.get`."""
-        return self.store.get(kind, index, self.number)
+        value = self._p.get(index) if kind is VariableKind.P else None
+        return self.store.get(kind, index, self.number) if value is None else value
 
     def set(self, kind: VariableKind, index: int, value: float) -> None:
         """Store a value, see `VariableStore.set`."""

@@ -4,34 +4,79 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.evaluate import evaluate
+from drivers.pmac.language.expressions import parse_expression
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.variables import SystemVariables
 from drivers.simulator.controller import Controller
+from drivers.simulator.coordinate import CoordinateSystem
 from drivers.simulator.motor import Motor
+
+ALL_CARDS = -1
+"""`@@`: every card on the line is meant."""
 
 
 @dataclass(slots=True, eq=False)
 class Context:
-    """The addressing of one port. Two ports are never equal, however alike."""
+    """The addressing of one port. Two ports are never equal, however alike.
+
+    `motor_bank` is which eight motors the control characters report, from 0. `card_number` is the card that was
+    named with `@n`, None before one was. `text` is the line that is being executed, as it was typed.
+    """
 
     controller: Controller
     motor_number: int = 1
     system_number: int = 1
+    motor_bank: int = 0
+    card_number: int | None = None
+    text: str = ""
     lines: list[str] = field(default_factory=list)
 
     @property
+    def dialect(self) -> Dialect:
+        """The family of the card."""
+        return self.controller.variables.dialect
+
+    @property
     def motor(self) -> Motor:
-        """The addressed motor.
+        """The addressed motor."""
+        return self.controller.motors[self.motor_number]
+
+    @property
+    def active_motor(self) -> Motor:
+        """The addressed motor, to move it.
 
         Raises:
-            PmacError: 013, there is no such motor in this machine.
+            PmacError: 013, it is not activated.
         """
-        motor = self.controller.motors.get(self.motor_number)
-        if motor is None or not motor.activated:
+        motor = self.motor
+        if not motor.activated:
             raise PmacError(ErrorCode.NOT_ACTIVATED, f"motor {self.motor_number}")
         return motor
+
+    @property
+    def system(self) -> CoordinateSystem:
+        """The addressed coordinate system."""
+        return self.controller.systems[self.system_number]
+
+    @property
+    def variables(self) -> SystemVariables:
+        """The variables, with Q of the addressed coordinate system."""
+        return self.controller.variables.view(self.system_number)
 
     @property
     def fills_buffer(self) -> bool:
         """Whether program text from this host goes into the open buffer."""
         opened = self.controller.open_buffer
         return opened is not None and opened.owner is self
+
+    def expression(self, scanner: Scanner) -> float:
+        """Read an expression and return its value.
+
+        Raises:
+            PmacError: 003, no expression, or one without a value.
+        """
+        degrees = self.controller.variables.i(15) == 0
+        return evaluate(parse_expression(scanner), self.variables, degrees, strict=False)

@@ -1,4 +1,4 @@
-"""The simulated PMAC: variables, motors, a coordinate system, program buffers and its background cycle.
+"""The simulated PMAC: variables, motors, coordinate systems, program buffers and its background cycle.
 
 It has no clock of its own: it is advanced by servo cycles. What the background does (limits, replies to the
 host) happens between two blocks.
@@ -6,36 +6,33 @@ host) happens between two blocks.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 
-from drivers.pmac.axes import AxisDefinition
+from drivers.pmac.axes import AxisDefinition, refuse_singular
+from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.structure import link
-from drivers.pmac.language.syntax import Line
+from drivers.pmac.language.structure import Code, link
+from drivers.pmac.memory import Memory
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.coordinate import CoordinateSystem
-from drivers.simulator.motor import HomeSensor, Motor
+from drivers.simulator.guard import Alarm, action_on_fault
+from drivers.simulator.home_sensor import HomeSensor
+from drivers.simulator.motor import Motor
+from drivers.simulator.password import Password
+from drivers.simulator.plant.axis import bare_axis
+from drivers.simulator.program_buffer import OpenBuffer, ProgramBuffer
+from drivers.simulator.program_host import CardHost
+from drivers.simulator.saved_state import Flash
 from drivers.simulator.servo import Axis
 
-SYSTEM_COUNT = 8
-"""Coordinate systems of the non-Turbo controller."""
+ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1
+"""Whom a fault kills."""
 
-
-@dataclass(slots=True)
-class ProgramBuffer:
-    """The stored lines of one motion program."""
-
-    lines: list[Line] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OpenBuffer:
-    """The program that is being filled, and the host that opened it: nobody else may fill it."""
-
-    program: int
-    owner: object
+INDEX_COUNTS = 2000.0
+"""How far apart the home triggers of a motor without a machine are."""
 
 
 class Controller:
@@ -47,21 +44,38 @@ class Controller:
         axes: Mapping[int, tuple[Axis, HomeSensor]],
         definitions: tuple[AxisDefinition, ...],
         servo_period_ms: float,
+        dialect: Dialect = PMAC,
     ) -> None:
-        """`servo_period_ms` is the true rate of the hardware; I10 only tells the card about it."""
+        """`servo_period_ms` is the true rate of the hardware; I10 only tells the card about it.
+
+        Motors that have no axis in `axes` are ideal ones, with nothing behind them.
+        """
         self.servo_period_ms = servo_period_ms
-        self.variables = VariableStore(i_variables)
-        self.motors = {number: Motor(number, self.variables, axis, home) for number, (axis, home) in axes.items()}
-        self.systems = {
-            number: CoordinateSystem(number, self.variables, self.motors) for number in range(1, SYSTEM_COUNT + 1)
-        }
-        for definition in definitions:
-            self.systems[1].define(definition.motor, definition)
+        self.dialect = dialect
+        self.variables = VariableStore(i_variables, dialect)
+        self.host = CardHost()
         self.programs: dict[int, ProgramBuffer] = {}
+        self.plcs: dict[int, ProgramBuffer] = {}
         self.open_buffer: OpenBuffer | None = None
+        self.password = Password()
+        self.flash = Flash()
         self.cycles = 0
+        self.motors = {
+            number: self._motor(number, axes.get(number)) for number in range(1, dialect.motor_count + 1)
+        }
+        self.systems = {
+            number: CoordinateSystem(number, self.variables, self.motors, self.program_code, self.host)
+            for number in range(1, dialect.system_count + 1)
+        }
+        self._all_systems = tuple(self.systems.values())
+        self._with_plant = frozenset(axes)
         self._profile_i_variables = dict(i_variables)
         self._profile_definitions = definitions
+        self._awake: tuple[Motor, ...] = ()
+        self._revision = -1
+        for definition in definitions:
+            self.systems[1].define(definition.motor, definition)
+        self._power_up()
 
     @property
     def cycle_ms(self) -> float:
@@ -74,70 +88,144 @@ class Controller:
         return self.cycles * self.servo_period_ms
 
     @property
+    def memory(self) -> Memory | None:
+        """The words behind the M-variables."""
+        return self.variables.memory
+
+    @property
+    def pending_commands(self) -> deque[tuple[str, str]]:
+        """On-line commands of programs (CMD), with the letter of their port, to be executed in the background."""
+        return self.host.pending_commands
+
+    @property
+    def host_messages(self) -> deque[tuple[str, str]]:
+        """Texts of programs for a host (SEND), with the letter of their port."""
+        return self.host.host_messages
+
+    @property
+    def plc_enabled(self) -> set[int]:
+        """The PLCs that are switched on."""
+        return self.host.plc_enabled
+
+    @property
     def any_program_running(self) -> bool:
         """Whether a coordinate system runs a program."""
-        return any(system.running for system in self.systems.values())
+        return any(system.running for system in self._all_systems)
 
     def run_block(self, cycles: int) -> dict[int, list[float]]:
-        """Run `cycles` servo cycles; return the true machine positions (counts) of each motor."""
+        """Run `cycles` servo cycles; return the true machine positions (counts) of each motor that is awake."""
+        if self.variables.i_revision != self._revision:
+            self._follow_settings()
         cycle_ms = self.cycle_ms
         commands: dict[int, list[float]] = {}
-        for system in self.systems.values():
-            if system.moving:
+        for system in self._all_systems:
+            if system.busy:
                 commands.update(system.sample(cycles, cycle_ms))
         self.cycles += cycles
-        return {number: motor.run(cycles, cycle_ms, commands.get(number)) for number, motor in self.motors.items()}
+        return {motor.number: motor.run(cycles, cycle_ms, commands.get(motor.number)) for motor in self._awake}
 
     def background(self) -> None:
-        """Check following errors, as the card does between two servo interrupts and in no fixed time."""
-        for motor in self.motors.values():
-            if motor.out_of_hand:
-                self._trip(motor)
+        """Look at every motor, as the card does between two servo interrupts and in no fixed time."""
+        for motor in self._awake:
+            alarm = motor.look()
+            if alarm is Alarm.TRAVEL:
+                self._stop_on_limit(motor)
+            elif alarm is not None:
+                self._trip(motor, alarm)
+
+    def program_code(self, number: int) -> Code | None:
+        """Return a stored program ready to be run, None when there is no such program.
+
+        Raises:
+            PmacError: 009 or 016, it is not well formed.
+        """
+        buffer = self.programs.get(number)
+        return None if buffer is None else link(tuple(buffer.lines))
 
     def system_of(self, motor: int) -> CoordinateSystem | None:
         """Return the coordinate system that a motor is assigned to."""
-        return next((s for s in self.systems.values() if motor in s.definitions), None)
+        return next((s for s in self._all_systems if motor in s.definitions), None)
 
-    def define_axis(self, system: int, motor: int, definition: AxisDefinition | None) -> None:
-        """Assign a motor to an axis of a coordinate system.
+    def refuse_in_control(self, motor: int) -> None:
+        """Make sure that no program moves a motor, so that it may be jogged, homed or killed.
 
         Raises:
-            PmacError: 001 while a program moves axes, 003 when the motor belongs to another system, 013 when
-                this machine has no such motor.
+            PmacError: 001, one does.
         """
-        if any(other.running or other.moving for other in self.systems.values()):
+        system = self.system_of(motor)
+        if system is not None and system.in_control:
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor} is moved by &{system.number}")
+
+    def define_axis(self, system: int, motor: int, definition: AxisDefinition | None) -> None:
+        """Assign a motor to axes of a coordinate system.
+
+        Raises:
+            PmacError: 001 while a program moves axes; 003 when the motor belongs to another system, or the motors
+                of the system would not determine its axes.
+        """
+        if any(other.running or other.moving for other in self._all_systems):
             raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "axis definition")
-        if motor not in self.motors:
-            raise PmacError(ErrorCode.NOT_ACTIVATED, f"motor {motor}")
         owner = self.system_of(motor)
         if owner is not None and owner.number != system:
             raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} is in &{owner.number}")
+        if definition is not None:
+            refuse_singular({**self.systems[system].definitions, motor: definition}.values())
         self.systems[system].define(motor, definition)
 
-    def start_program(self, system: int) -> None:
-        """Run the program that a coordinate system points to.
+    def read_absolute_position(self, motor: int) -> None:
+        """`$*`: there is no absolute encoder; the motor is killed, not homed, and at 0, with its axes unshifted.
 
         Raises:
-            PmacError: 015 no such program, 009 or 016 a program that is not well formed, and those of `start`.
+            PmacError: 001, a program moves it.
         """
-        coordinate = self.systems[system]
-        buffer = self.programs.get(coordinate.program_number or 0)
-        if buffer is None:
-            raise PmacError(ErrorCode.NO_PROGRAM, f"&{system} points to no program")
-        coordinate.start(link(tuple(buffer.lines)))
+        self.refuse_in_control(motor)
+        self.motors[motor].read_absolute_position()
+        system = self.system_of(motor)
+        if system is not None:
+            system.define(motor, system.definitions[motor])
+
+    def start_program(self, system: int) -> None:
+        """R: run the program that a coordinate system points to, or go on with it.
+
+        Raises:
+            PmacError: those of `CoordinateSystem.run`.
+        """
+        self.systems[system].run()
+
+    def step_program(self, system: int) -> None:
+        """S: the same for one move.
+
+        Raises:
+            PmacError: those of `CoordinateSystem.run`.
+        """
+        self.systems[system].step()
+
+    def run_all(self) -> None:
+        """Control-R: R for every coordinate system; one that cannot run is passed over."""
+        self._each(CoordinateSystem.run)
+
+    def step_all(self) -> None:
+        """Control-S: S for every coordinate system; one that cannot run is passed over."""
+        self._each(CoordinateSystem.step)
+
+    def quit_all(self) -> None:
+        """Control-Q: Q for every coordinate system."""
+        self._each(CoordinateSystem.quit)
+
+    def hold_all(self) -> None:
+        """Control-O: H for every coordinate system."""
+        self._each(CoordinateSystem.hold)
 
     def abort_all(self) -> None:
         """Control-A: every program is dropped, every activated motor ramps down; open loops are closed."""
-        for system in self.systems.values():
-            system.kill()
+        self._each(CoordinateSystem.kill)
         for motor in self.motors.values():
             if motor.activated:
                 motor.abort()
 
     def kill_all(self) -> None:
         """Control-K: every loop is opened."""
-        for system in self.systems.values():
-            system.kill()
+        self._each(CoordinateSystem.kill)
         for motor in self.motors.values():
             motor.kill()
 
@@ -147,22 +235,63 @@ class Controller:
         for motor in self.motors.values():
             motor.reset()
         self.open_buffer = None
+        self.host.reset()
         self.variables.replace_i(self._profile_i_variables if factory is None else factory)
-        for system in self.systems.values():
-            system.reset()
+        self._each(CoordinateSystem.reset)
         if factory is not None:
             self.programs.clear()
-            return
-        for definition in self._profile_definitions:
-            self.systems[1].define(definition.motor, definition)
+        else:
+            for definition in self._profile_definitions:
+                self.systems[1].define(definition.motor, definition)
+        self._power_up()
 
-    def _trip(self, motor: Motor) -> None:
-        """A fatal following error kills the motor and, as Ix25 says, its neighbours; the others ramp down."""
+    def _motor(self, number: int, behind: tuple[Axis, HomeSensor] | None) -> Motor:
+        cycle_s = self.servo_period_ms / 1000.0
+        axis, home = behind or (bare_axis(cycle_s), HomeSensor(period=INDEX_COUNTS))
+        return Motor(number, self.variables, axis, home)
+
+    def _power_up(self) -> None:
+        """Close the loops that Ix80 wants closed; the others stay open."""
+        for motor in self.motors.values():
+            if motor.activated and int(motor.variable(80)) & 1:
+                motor.enable()
+
+    def _follow_settings(self) -> None:
+        """Take note of which motors are activated: what is not activated is off, and costs nothing."""
+        self._revision = self.variables.i_revision
+        self._kill([motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated])
+        self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
+
+    def _each(self, act: Callable[[CoordinateSystem], None]) -> None:
+        for system in self._all_systems:
+            with suppress(PmacError):
+                act(system)
+
+    def _stop_on_limit(self, motor: Motor) -> None:
+        """A travel limit stops the motor, and the program that moves it with all of its motors."""
         system = self.system_of(motor.number)
-        if system is not None:
+        if system is not None and (system.running or system.moving):
             system.abort(closing=False)
-        mode = int(motor.variable(25)) >> 21 & 3
-        others = self.motors.values() if mode == 0 else system.motors if system and mode == 1 else [motor]
-        for other in others:
-            other.kill()
-        motor.fatal_error = True
+        motor.stop_on_limit()
+
+    def _trip(self, motor: Motor, alarm: Alarm) -> None:
+        """A fault kills the motor and, as the flag mode says, its neighbours; what moved with them ramps down."""
+        system = self.system_of(motor.number)
+        action = action_on_fault(self.variables, motor.number)
+        others: Iterable[Motor] = (motor,)
+        if action == ALL_MOTORS:
+            others = self.motors.values()
+        elif action == MOTORS_OF_SYSTEM and system is not None:
+            others = system.motors
+        self._kill(others)
+        motor.fatal_error = alarm is Alarm.FOLLOWING_ERROR
+        motor.amplifier_fault = alarm is Alarm.AMPLIFIER
+
+    def _kill(self, motors: Iterable[Motor]) -> None:
+        """Kill motors, and abort the programs that move them; the other motors of those ramp down."""
+        numbers = {motor.number for motor in motors}
+        for system in self._all_systems:
+            if not numbers.isdisjoint(system.definitions):
+                system.abort(closing=False)
+        for number in numbers:
+            self.motors[number].kill()

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 from drivers.pmac.axes import read_definitions
+from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.settings import settings_with
 from drivers.simulator.controller import Controller
-from drivers.simulator.motor import HomeSensor
+from drivers.simulator.home_sensor import HomeSensor
 from drivers.simulator.plant.axis import IdealAxis, LinearMotor
 from drivers.simulator.plant.gauge import look_at, measure_released
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workpiece import Workpiece
 from drivers.simulator.port import Port
+from drivers.simulator.program_voice import speak
+from drivers.simulator.registers import CardMemory
+from drivers.simulator.saved_state import Flash
 from drivers.simulator.servo import Axis, ServoAxis, ServoGains
 from drivers.simulator.shop_view import ShopView
 from profiles.job import Job
@@ -32,11 +37,25 @@ MID_LENGTH = 0
 class SimulatedLathe:
     """A machine profile made to move. Time is whole servo cycles; nothing here sleeps."""
 
-    def __init__(self, machine: MachineProfile, true: TrueParameters | None = None) -> None:
-        """The card is set up as the profile says; the iron is what `true` says, by default the same."""
+    def __init__(
+        self,
+        machine: MachineProfile,
+        true: TrueParameters | None = None,
+        dialect: Dialect | None = None,
+        saved: Path | None = None,
+    ) -> None:
+        """The card is set up as the profile says; the iron is what `true` says, by default the same.
+
+        `dialect` is the family of the card, by default that of the profile. `saved` is the file that SAVE writes;
+        what an earlier card has left there comes back.
+
+        Raises:
+            ProfileError: `file.unreadable`, there is something else in that file.
+        """
         self._machine = machine
         self._true = true = true or ideal(machine)
-        variables = settings_with(machine.controller.variables)
+        dialect = dialect or DIALECTS[machine.controller.family]
+        variables = settings_with(machine.controller.variables, dialect)
         self.tool = _tool_axis(machine, true, variables)
         cycle_s = machine.controller.servo_period_ms / 1000.0
         spindle_turn = float(machine.spindle.counts_per_rev)
@@ -53,9 +72,13 @@ class SimulatedLathe:
             axes,
             read_definitions(machine.controller.axis_definitions),
             machine.controller.servo_period_ms,
+            dialect,
         )
         self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
         self._gains_revision = self.controller.variables.i_revision
+        self.controller.variables.memory = CardMemory(self.controller)
+        self.controller.flash = Flash(saved)
+        self.controller.flash.power_up(self.controller)
         self._ports: list[Port] = []
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
@@ -73,6 +96,11 @@ class SimulatedLathe:
         """Unplug it."""
         port.disconnect()
         self._ports.remove(port)
+
+    def attend(self, port: Port) -> None:
+        """Let the card look at one host now, between two background cycles; no time passes."""
+        port.obey()
+        port.service()
 
     def now_s(self) -> float:
         """Return the simulated time."""
@@ -132,6 +160,7 @@ class SimulatedLathe:
         if self._part is not None:
             self._cut(self._part, tracks)
         controller.background()
+        speak(controller, self._ports)
         # Every host's stops before any host's lines.
         for port in self._ports:
             port.obey()
@@ -175,5 +204,6 @@ def _gains(motor: int, variable: MotorVariable) -> ServoGains:
         ix33=variable(motor, 33),
         ix34=variable(motor, 34),
         ix35=variable(motor, 35),
+        ix63=variable(motor, 63),
         ix69=variable(motor, 69),
     )

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
-from drivers.pmac.trajectory.pieces import Piece, Vector
+from drivers.pmac.requests import Deferred
+from drivers.pmac.trajectory.pieces import Piece, Vector, position_at
 
 Refill = Callable[[], Iterable[Piece]]
+Assign = Callable[[tuple[Deferred, ...]], None]
+
+SAME_COUNTS = 1e-6
+"""Two motions that are no further apart are the same."""
 
 
 class Player:
     """A queue of pieces with a clock of its own, sampled one servo cycle after another.
 
     `refill` is asked for more when a piece begins that is marked `calculates`, and when the queue is empty;
-    an empty answer means rest. Time that is left over between two pieces is carried into the next one.
+    an empty answer means rest. `assign` gets the deferred assignments of a piece that begins. Time that is left
+    over between two pieces is carried into the next one.
     """
 
-    def __init__(self, position: Vector, refill: Refill | None = None) -> None:
+    def __init__(self, position: Vector, refill: Refill | None = None, assign: Assign | None = None) -> None:
         self.position = position
         self._refill = refill
+        self._assign = assign
         self._queue: deque[Piece] = deque()
         self._elapsed_ms = 0.0
         self._entered = False
@@ -29,21 +37,57 @@ class Player:
         """Whether nothing is left to play."""
         return not self._queue
 
+    @property
+    def in_real_time(self) -> bool:
+        """Whether what is played now passes at the rate of the servo clock, whatever the time base is."""
+        return self._entered and bool(self._queue) and self._queue[0].real_time
+
     def append(self, pieces: Iterable[Piece]) -> None:
         """Add pieces to the end."""
         self._queue.extend(pieces)
 
-    def sample(self, count: int, cycle_ms: float) -> list[list[float]]:
-        """Return `count` positions for each motor, one servo cycle apart, the first one cycle from now."""
+    def replace(self, old: Sequence[Piece], new: Sequence[Piece]) -> bool:
+        """Play `new` where `old` was to be played, the pieces that were added last.
+
+        When those have begun, both have to be the same up to now; False, and nothing is changed, if they are not.
+        """
+        ahead = [piece for piece in self._queue if not any(piece is each for each in old)]
+        if ahead:
+            self._queue = deque((*ahead, *new))
+            return True
+        place = next((at for at, each in enumerate(old) if self._queue and each is self._queue[0]), len(old))
+        elapsed_ms = self._elapsed_ms + sum(piece.duration_ms for piece in old[:place])
+        for at, piece in enumerate(new):
+            if elapsed_ms < piece.duration_ms:
+                there = [position_at(cubic, elapsed_ms) for cubic in piece.cubics]
+                if any(abs(a - b) > SAME_COUNTS for a, b in zip(there, self.position, strict=True)):
+                    return False
+                self._queue, self._elapsed_ms = deque(new[at:]), elapsed_ms
+                return True
+            elapsed_ms -= piece.duration_ms
+        return False
+
+    def sample(self, count: int, cycle_ms: float, rate_ms: float | None = None) -> list[list[float]]:
+        """Return `count` positions for each motor, one servo cycle apart, the first one cycle from now.
+
+        `rate_ms` is the trajectory time that passes in a servo cycle; None is `cycle_ms`, real time.
+        """
         track: list[list[float]] = [[] for _ in self.position]
+        rate_ms = cycle_ms if rate_ms is None else rate_ms
         left = count
+        before_ms = 0.0
         while left and self._enter():
             piece = self._queue[0]
-            room = (piece.duration_ms - self._elapsed_ms) / cycle_ms
+            step_ms = cycle_ms if piece.real_time else rate_ms
+            if step_ms != before_ms and before_ms:
+                # What is left of a servo cycle is worth more or less in a piece that passes at another rate.
+                self._elapsed_ms *= step_ms / before_ms
+            before_ms = step_ms
+            room = (piece.duration_ms - self._elapsed_ms) / step_ms if step_ms else math.inf
             steps = left if room >= left else int(room)
             if steps:
                 start = self._elapsed_ms
-                times = [start + cycle_ms * k for k in range(1, steps + 1)]
+                times = [start + step_ms * k for k in range(1, steps + 1)]
                 for positions, (c0, c1, c2, c3) in zip(track, piece.cubics, strict=True):
                     positions.extend([((c3 * t + c2) * t + c1) * t + c0 for t in times])
                 self._elapsed_ms = times[-1]
@@ -68,7 +112,10 @@ class Player:
                 return False
         if not self._entered:
             self._entered = True
-            if self._queue[0].calculates and self._refill is not None:
+            piece = self._queue[0]
+            if piece.deferred and self._assign is not None:
+                self._assign(piece.deferred)
+            if piece.calculates and self._refill is not None:
                 self._queue.extend(self._refill())
         return True
 

@@ -6,22 +6,22 @@ import asyncio
 import os
 import tty
 
+from drivers.simulator.connection import SLOW_READER, UNREAD_LIMIT, PlainStream, Turns
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.real_time import UNREAD_LIMIT
 
 CHUNK = 4096
 CONTROL_X = b"\x18"
 
 
 class PtyHost:
-    """The one host of the card; `device` is where it finds the line.
+    """The one host of the line; `device` is where it finds it.
 
     Like a serial line it is always there: what a host that goes has left, the next one finds.
     """
 
     def __init__(self, lathe: SimulatedLathe) -> None:
         """Make the pseudo-terminal, and listen on it in the running event loop."""
-        self._port = lathe.connect()
+        self._stream = PlainStream(lathe, lathe.connect())
         self._unsent = bytearray()
         # The far end stays open here: a host that closes it would otherwise hang up the whole line.
         self._line, self._far_end = os.openpty()
@@ -29,6 +29,7 @@ class PtyHost:
         os.set_blocking(self._line, False)
         self.device = os.ttyname(self._far_end)
         self._loop = asyncio.get_running_loop()
+        self._turns = Turns(self._turn)
         self._reading = False
         self._hold_back()
 
@@ -37,17 +38,11 @@ class PtyHost:
 
         Without a handshake, what nobody reads is lost in the end.
         """
-        self._hold_back()
-        self._unsent += self._port.take_output()
-        del self._unsent[UNREAD_LIMIT:]
-        if self._unsent:
-            try:
-                del self._unsent[: os.write(self._line, self._unsent)]
-            except BlockingIOError:
-                pass  # the host does not read at the moment
+        self._turns.take()
 
     def close(self) -> None:
         """Hang up."""
+        self._turns.end()
         self._loop.remove_reader(self._line)
         os.close(self._line)
         os.close(self._far_end)
@@ -59,12 +54,27 @@ class PtyHost:
             return
         if CONTROL_X in data:
             self._unsent.clear()
-        self._port.receive(data)
+        self._stream.receive(data)
+        if len(self._unsent) <= SLOW_READER:
+            self._turns.take()
+        else:
+            self._hold_back()
+
+    def _turn(self) -> bool:
+        for said in self._stream.turn():
+            self._unsent += said
+        del self._unsent[UNREAD_LIMIT:]
+        if self._unsent:
+            try:
+                del self._unsent[: os.write(self._line, self._unsent)]
+            except BlockingIOError:
+                pass  # the host does not read at the moment
         self._hold_back()
+        return self._stream.busy and len(self._unsent) <= SLOW_READER
 
     def _hold_back(self) -> None:
         """Leave on the line what the card has no room for."""
-        wanted = not self._port.crowded
+        wanted = not self._stream.crowded
         if wanted and not self._reading:
             self._loop.add_reader(self._line, self._receive)
         elif self._reading and not wanted:

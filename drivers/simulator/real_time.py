@@ -8,14 +8,21 @@ import time
 from collections.abc import Collection, Coroutine
 from typing import Any, Protocol
 
-from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.lag import LagRecord
 
 TICK_S = 0.005
 MOST_CATCH_UP_S = 0.1
-"""Simulated time made up for in one tick; a process that was asleep for longer loses the rest."""
+"""Real time made up for in one tick; a process that was asleep for longer loses the rest."""
 
-UNREAD_LIMIT = 1_000_000
-"""Bytes of replies that are kept for a host that does not read."""
+SLICE_S = 0.05
+"""Simulated time that is advanced in one go: between two, hosts and signals are heard."""
+
+
+class Advanced(Protocol):
+    """What has a time that is advanced."""
+
+    def wait(self, seconds: float) -> None:
+        """Advance it."""
 
 
 class Host(Protocol):
@@ -33,9 +40,31 @@ def ending_signals() -> asyncio.Event:
     return ended
 
 
-async def keep_time(lathe: SimulatedLathe, hosts: Collection[Host], *endings: Coroutine[Any, Any, object]) -> None:
-    """Let simulated time keep up with real time until one of `endings` is over; raise what went wrong."""
-    tasks = {asyncio.create_task(work) for work in (_run_clock(lathe, hosts), *endings)}
+class WallClock:
+    """Real time, s."""
+
+    def now_s(self) -> float:
+        """Return the time since some fixed start."""
+        return time.monotonic()
+
+    async def sleep(self, seconds: float) -> None:
+        """Let everybody else have a turn, and `seconds` pass."""
+        await asyncio.sleep(seconds)
+
+
+async def keep_time(
+    lathe: Advanced,
+    hosts: Collection[Host],
+    *endings: Coroutine[Any, Any, object],
+    speed: float = 1.0,
+    lag: LagRecord | None = None,
+) -> None:
+    """Let simulated time keep up with real time until one of `endings` is over; raise what went wrong.
+
+    Simulated time runs `speed` times as fast. How late each tick comes is taken down in `lag`.
+    """
+    clock = run_clock(lathe, hosts, WallClock(), speed, LagRecord() if lag is None else lag)
+    tasks = {asyncio.create_task(work) for work in (clock, *endings)}
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -45,17 +74,20 @@ async def keep_time(lathe: SimulatedLathe, hosts: Collection[Host], *endings: Co
         task.result()
 
 
-async def _run_clock(lathe: SimulatedLathe, hosts: Collection[Host]) -> None:
-    """Advance a tick at a time: between two, hosts and signals are heard."""
-    last = time.monotonic()
+async def run_clock(
+    lathe: Advanced, hosts: Collection[Host], clock: WallClock, speed: float, lag: LagRecord
+) -> None:
+    """Advance a tick at a time, without an end."""
+    last_s = clock.now_s()
     while True:
-        await asyncio.sleep(TICK_S)
-        now = time.monotonic()
-        behind_s = min(now - last, MOST_CATCH_UP_S)
-        last = now
+        await clock.sleep(max(last_s + TICK_S - clock.now_s(), 0.0))
+        now_s = clock.now_s()
+        lag.add(now_s - last_s - TICK_S)
+        behind_s = min(now_s - last_s, MOST_CATCH_UP_S) * speed
+        last_s = now_s
         while behind_s > 0.0:
-            lathe.wait(min(behind_s, TICK_S))
-            behind_s -= TICK_S
+            lathe.wait(min(behind_s, SLICE_S))
+            behind_s -= SLICE_S
             for host in tuple(hosts):
                 host.flush()
-            await asyncio.sleep(0)
+            await clock.sleep(0.0)

@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
-from drivers.pmac.dialect import PMAC
-from drivers.pmac.execution import FEEDRATE_AXES
 from drivers.pmac.language.text import format_number
-from drivers.pmac.settings import PARTS_PER_COUNT
-from drivers.pmac.status import encode
+from drivers.pmac.status import digits_of, pack
 from drivers.simulator.controller import Controller
 from drivers.simulator.motor import Motor
 
+VELOCITY_STEP = 0.1
+"""V and control-V are rounded to this, in counts per servo cycle."""
 
-def position(motor: Motor) -> str:
+_AXES = "ABCUVWXYZ"
+_SYSTEM_BIT = 20
+_AXIS_BIT = 16
+
+_MODES = {
+    "PVT": ("pvt_or_spline", "rapid"),
+    "RAPID": ("rapid",),
+    "SPLINE1": ("pvt_or_spline", "circle_or_spline"),
+    "SPLINE2": ("pvt_or_spline", "circle_or_spline"),
+    "CIRCLE1": ("circle_or_spline",),
+    "CIRCLE2": ("circle_or_spline", "rapid"),
+}
+
+
+def position(controller: Controller, motor: Motor) -> str:
     """Actual position in counts."""
-    return format_number(motor.encoder)
+    return _in_steps(motor.position, controller.variables.dialect.position_step)
 
 
 def velocity(motor: Motor) -> str:
     """Actual velocity in counts per servo cycle."""
-    return format_number(motor.encoder_step)
+    return _in_steps(motor.encoder_step, VELOCITY_STEP)
 
 
 def following_error(motor: Motor) -> str:
@@ -27,56 +40,95 @@ def following_error(motor: Motor) -> str:
 
 
 def motor_status(controller: Controller, motor: Motor) -> str:
-    """Twelve digits of `?`."""
-    system = controller.system_of(motor.number)
-    in_program = system is not None and system.moving
-    conditions = {
-        "activated": motor.activated,
-        "open_loop": not motor.enabled,
-        "move_timer_active": in_program or motor.jogging,
-        "integration_mode": motor.variable(34) != 0.0,
-        "desired_velocity_zero": motor.velocity == 0.0,
-        "abort_deceleration": motor.aborting,
-        "home_search": motor.homing,
-        "assigned": system is not None,
-        "amplifier_enabled": motor.enabled,
-        "home_complete": motor.home_complete,
-        "fatal_following_error": motor.fatal_error,
-        "warning_following_error": _warning(motor),
-        "in_position": motor.in_position and not in_program,
-    }
-    number = system.number - 1 if system is not None else 0
-    return encode((name for name, holds in conditions.items() if holds), PMAC.motor_bits, (0, number << 20))
+    """The digits of `?`."""
+    return digits_of(motor_words(controller, motor))
 
 
 def system_status(controller: Controller, number: int) -> str:
-    """Twelve digits of `??`."""
-    system = controller.systems[number]
-    motors = system.motors
-    conditions = {
-        **{f"{axis.lower()}_incremental": axis in system.modes.incremental for axis in "XYZ"},
-        **{f"{axis.lower()}_feedrate": axis in FEEDRATE_AXES for axis in "XYZ"},
-        "by_move_time": system.modes.by_move_time,
-        "continuous_motion": system.running,
-        "running_program": system.running,
-        "runtime_error": system.runtime_error,
-        "fatal_following_error": any(motor.fatal_error for motor in motors),
-        "warning_following_error": any(_warning(motor) for motor in motors),
-        "in_position": bool(motors) and not system.moving and all(motor.in_position for motor in motors),
-        "pvt_or_spline": system.modes.mode == "PVT",
-        "rapid": system.modes.mode == "PVT",
-    }
-    return encode((name for name, holds in conditions.items() if holds), PMAC.system_bits)
+    """The digits of `??`."""
+    return digits_of(system_words(controller, number))
 
 
 def global_status(controller: Controller) -> str:
-    """Twelve digits of `???`."""
-    names = ["this_card_addressed"]
-    if controller.open_buffer is not None:
-        names.append("motion_buffer_open")
-    return encode(names, PMAC.global_bits)
+    """The digits of `???`."""
+    return digits_of(global_words(controller))
 
 
-def _warning(motor: Motor) -> bool:
-    limit = motor.variable(12)
-    return motor.enabled and limit > 0.0 and abs(motor.following_error) * PARTS_PER_COUNT > limit
+def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
+    """The two words of `?`."""
+    system = controller.system_of(motor.number)
+    conditions = {
+        "activated": motor.activated,
+        "negative_limit": motor.negative_limit,
+        "positive_limit": motor.positive_limit,
+        "open_loop": not motor.enabled,
+        "move_timer_active": motor.program_timer or motor.jogging,
+        "integration_mode": motor.variable(34) != 0.0,
+        "dwell": system is not None and system.dwelling,
+        "desired_velocity_zero": motor.enabled and motor.velocity == 0.0,
+        "abort_deceleration": motor.aborting,
+        "home_search": motor.searching,
+        "assigned": system is not None,
+        "amplifier_enabled": motor.amplifier_enabled,
+        "stopped_on_limit": motor.stopped_on_limit,
+        "home_complete": motor.home_complete,
+        "trigger_move": motor.trigger_move,
+        "amplifier_fault": motor.amplifier_fault,
+        "fatal_following_error": motor.fatal_error,
+        "warning_following_error": motor.warning,
+        "in_position": motor.in_position,
+    }
+    dialect = controller.variables.dialect
+    first, second = pack(conditions, dialect.motor_bits)
+    if system is not None:
+        axis = dialect.axis_codes.get(system.definitions[motor.number].axis, 0)
+        second |= (system.number - 1) << _SYSTEM_BIT | axis << _AXIS_BIT
+    return first, second
+
+
+def system_words(controller: Controller, number: int) -> tuple[int, ...]:
+    """The words of `??`, two or three of them."""
+    system = controller.systems[number]
+    motors = system.motors
+    modes = system.modes
+    conditions = {
+        **{f"{axis.lower()}_incremental": axis in modes.incremental for axis in _AXES},
+        **{f"{axis.lower()}_feedrate": axis in modes.feedrate_axes for axis in _AXES},
+        "radius_incremental": modes.radius_incremental,
+        "by_move_time": modes.by_move_time,
+        "continuous_request": system.running and not system.single_step,
+        "continuous_motion": system.running,
+        "single_step": system.single_step,
+        "running_program": system.running,
+        "runtime_error": system.runtime_error,
+        "amplifier_fault": any(motor.amplifier_fault for motor in motors),
+        "fatal_following_error": any(motor.fatal_error for motor in motors),
+        "warning_following_error": any(motor.warning for motor in motors),
+        "end_of_block_stop": system.end_of_block_stop,
+        "program_hold": system.program_hold,
+        "resume_error": system.resume_error,
+        "in_position": bool(motors) and not system.moving and all(motor.in_position for motor in motors),
+        **dict.fromkeys(_MODES.get(modes.mode, ()), True),
+    }
+    dialect = controller.variables.dialect
+    return pack(conditions, dialect.system_bits, dialect.system_words)
+
+
+def global_words(controller: Controller) -> tuple[int, ...]:
+    """The two words of `???`."""
+    opened = controller.open_buffer
+    conditions = {
+        "this_card_addressed": True,
+        "motion_buffer_open": opened is not None and opened.plc is None,
+        "plc_buffer_open": opened is not None and opened.plc is not None,
+    }
+    return pack(conditions, controller.variables.dialect.global_bits)
+
+
+def eight_motors(bank: int) -> range:
+    """The motors that control characters report; `bank` 0 are the first eight."""
+    return range(8 * bank + 1, 8 * bank + 9)
+
+
+def _in_steps(value: float, step: float) -> str:
+    return format_number(round(round(value / step) * step, 5))

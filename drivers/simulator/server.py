@@ -1,85 +1,91 @@
-"""The simulated card on a TCP port: an ASCII stream for any number of hosts, in real time."""
+"""The simulated card in real time, at any number of addresses: ASCII streams, Ethernet boards, a serial line."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
 
 from drivers.errors import LinkError
-from drivers.link.address import TcpAddress
+from drivers.link.address import SerialAddress, TcpAddress
+from drivers.simulator.connection import Connection, PlainStream
+from drivers.simulator.ethernet.board import Board
+from drivers.simulator.ethernet.session import EthernetSession
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
-from drivers.simulator.real_time import UNREAD_LIMIT, ending_signals, keep_time
+from drivers.simulator.pty import PtyHost
+from drivers.simulator.real_time import Host, ending_signals, keep_time
 from profiles.problem import Problem
 
 
-class _Host(asyncio.Protocol):
-    """One connected host."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listeners:
+    """Where hosts may connect: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board."""
 
-    def __init__(self, lathe: SimulatedLathe, hosts: set[_Host]) -> None:
-        self._lathe = lathe
-        self._hosts = hosts
-        self._port: Port | None = None
-        self._transport: asyncio.Transport | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
-        self._port = self._lathe.connect()
-        self._hosts.add(self)
-
-    def data_received(self, data: bytes) -> None:
-        if self._port is not None:
-            self._port.receive(data)
-            self._hold_back()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        self._hosts.discard(self)
-        if self._port is not None:
-            self._lathe.disconnect(self._port)
-            self._port = None
-
-    def flush(self) -> None:
-        """Send what the card has answered, and read on when it has room again."""
-        if self._port is None or self._transport is None:
-            return
-        self._hold_back()
-        data = self._port.take_output()
-        if data:
-            self._transport.write(data)
-        if self._transport.get_write_buffer_size() > UNREAD_LIMIT:
-            self._transport.abort()
-
-    def _hold_back(self) -> None:
-        """Leave to the network what the card has no room for."""
-        if self._port is None or self._transport is None:
-            return
-        if not self._port.crowded:
-            self._transport.resume_reading()
-        elif self._transport.is_reading():
-            self._transport.pause_reading()
+    tcp: TcpAddress | None = None
+    ethernet: TcpAddress | None = None
+    pty: bool = False
 
 
-def serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[TcpAddress], None]) -> None:
-    """Serve until SIGINT, SIGTERM or SIGHUP. `ready` is told the address that is listened on.
+def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float = 1.0) -> None:
+    """Serve until SIGINT, SIGTERM or SIGHUP; simulated time runs `speed` times as fast as real time.
+
+    Once all of them can be connected, `ready` is told each address, such as `tcp:127.0.0.1:1025`.
 
     Raises:
         LinkError: `link.cannot_listen`.
     """
-    asyncio.run(_serve(lathe, address, ready))
+    asyncio.run(_serve(lathe, listeners, ready, speed))
 
 
-async def _serve(lathe: SimulatedLathe, address: TcpAddress, ready: Callable[[TcpAddress], None]) -> None:
-    loop, ended = asyncio.get_running_loop(), ending_signals()
-    hosts: set[_Host] = set()
+async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float) -> None:
+    ended = ending_signals()
+    hosts: set[Host] = set()
+    with ExitStack() as opened:
+        addresses = [address async for address in _listen(lathe, listeners, hosts, opened)]
+        for address in addresses:
+            ready(address)
+        await keep_time(lathe, hosts, ended.wait(), speed=speed)
+        for connected in tuple(hosts):
+            connected.flush()
+
+
+async def _listen(
+    lathe: SimulatedLathe, listeners: Listeners, hosts: set[Host], opened: ExitStack
+) -> AsyncIterator[str]:
+    """Listen everywhere; yield the addresses that were bound. `opened` closes them."""
+    board = Board()
+    if listeners.tcp:
+        yield await _bind("tcp", listeners.tcp, lambda: Connection(lathe, hosts, PlainStream), opened)
+    if listeners.ethernet:
+        session = partial(EthernetSession, board=board)
+        yield await _bind("ethernet", listeners.ethernet, lambda: Connection(lathe, hosts, session), opened)
+    if listeners.pty:
+        try:
+            line = PtyHost(lathe)
+        except OSError as error:
+            raise _refusal("pty", error) from error
+        opened.callback(line.close)
+        hosts.add(line)
+        yield str(SerialAddress(device=line.device))
+
+
+async def _bind(kind: str, address: TcpAddress, connect: Callable[[], Connection], opened: ExitStack) -> str:
+    """Listen on a socket; return the address that was bound."""
     try:
-        server = await loop.create_server(lambda: _Host(lathe, hosts), address.host, address.port)
+        server = await asyncio.get_running_loop().create_server(connect, address.host, address.port)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=reason)) from error
+        raise _refusal(_named(kind, address), error) from error
+    opened.callback(server.close)
     host, port = server.sockets[0].getsockname()[:2]
-    ready(TcpAddress(host=host, port=port))
-    await keep_time(lathe, hosts, ended.wait())
-    server.close()
-    for connected in tuple(hosts):
-        connected.flush()
+    return _named(kind, TcpAddress(host=host, port=port))
+
+
+def _named(kind: str, address: TcpAddress) -> str:
+    return f"{kind}:{str(address).removeprefix('tcp:')}"
+
+
+def _refusal(where: str, error: OSError) -> LinkError:
+    reason = error.strerror or str(error)
+    return LinkError(Problem(code="link.cannot_listen", where=where, value=reason))

@@ -25,6 +25,9 @@ class Axis(Protocol):
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Run one servo cycle a command (counts); return the true position at each cycle."""
 
+    def push(self, output: float, cycles: int) -> list[float]:
+        """Run `cycles` in open loop; `output` is the share of Ix69, -1 to 1. Return the true positions."""
+
     def coast(self, cycles: int) -> list[float]:
         """Run `cycles` with the amplifier off; return the true position at each cycle."""
 
@@ -35,6 +38,8 @@ class Axis(Protocol):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServoGains:
     """The PID of the controller (Ix30 to Ix35, Ix08, Ix09) with its output limit Ix69.
+
+    Of Ix63, the limit of the integrator, only 0 counts: it switches the integrator off.
 
     Output in DAC bits = 2^-19 Ix30 (Ix08 (FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23) - Ix31 Ix09 AV/128),
     counts and counts per cycle (PMAC User Manual, PID; Software Reference, Ix30 to Ix35).
@@ -48,6 +53,7 @@ class ServoGains:
     ix33: float
     ix34: float
     ix35: float
+    ix63: float = 4_194_304.0
     ix69: float
 
 
@@ -82,9 +88,10 @@ class ServoAxis:
         self._k_error = scale * gains.ix08
         self._k_velocity = self._k_error * gains.ix32 / 128
         self._k_acceleration = self._k_error * gains.ix35 / 128
-        self._k_integral = self._k_error * gains.ix33 / 2**23
+        self._k_integral = self._k_error * gains.ix33 / 2**23 if gains.ix63 else 0.0
         self._k_damping = scale * gains.ix31 * gains.ix09 / 128
         self._integrate_in_motion = gains.ix34 == 0
+        self._full_output = gains.ix69
         self._limit = min(gains.ix69, self._peak_bits)
 
     def close_loop(self) -> float:
@@ -135,6 +142,18 @@ class ServoAxis:
         self._x, self._v, self._force = x, v, force
         self._command, self._command_step, self._encoder = last, last_step, last_encoder
         self._integral = integral
+        return positions
+
+    def push(self, output: float, cycles: int) -> list[float]:
+        """Hold a share of Ix69, as far as the amplifier gives it, with the same delay as in closed loop."""
+        positions = []
+        x, v, force, plant = self._x, self._v, self._force, self._plant
+        held = max(-self._limit, min(output * self._full_output, self._limit))
+        for _ in range(cycles):
+            positions.append(x)
+            x, v = x + plant.glide * v + plant.push_x * force, plant.decay * v + plant.push_v * force
+            force = held
+        self._x, self._v, self._force = x, v, force
         return positions
 
     def coast(self, cycles: int) -> list[float]:

@@ -51,6 +51,12 @@ class Recorder:
         self.positions += positions
         return positions
 
+    def push(self, output: float, cycles: int) -> list[float]:
+        positions = self._axis.push(output, cycles)
+        self.commands += positions
+        self.positions += positions
+        return positions
+
     def coast(self, cycles: int) -> list[float]:
         positions = self._axis.coast(cycles)
         self.commands += positions

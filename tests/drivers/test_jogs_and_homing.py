@@ -135,7 +135,7 @@ def test_homing_finds_the_flag_at_the_end_of_travel(closed: Bench, motor: int, s
     start = iron.actual + iron.axis.origin
     began = closed.sim.now_s()
     closed.client.request(f"#{motor}HM")
-    while "home_search" in closed.lathe.snapshot().axes[{1: 0, 3: 2}[motor]].flags:
+    while not {"home_complete", "in_position"} <= closed.lathe.snapshot().axes[{1: 0, 3: 2}[motor]].flags:
         closed.sim.wait(0.005)
     assert start > 0
     assert closed.sim.now_s() - began == pytest.approx(seconds, abs=0.6)

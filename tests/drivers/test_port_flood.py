@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
 
 from drivers.simulator.port import INBOX_LIMIT, Port
-from drivers.simulator.server import _Host
 
 if TYPE_CHECKING:
     from drivers.simulator.machine import SimulatedLathe
@@ -121,41 +119,3 @@ def test_bytes_without_an_end_of_line_do_not_pile_up(bench: Bench) -> None:
     bench.sim.wait(CYCLE_S)
     assert not bench.port.crowded
     assert bench.raw("\r") == b"\x07ERR003\r"
-
-
-class Network(asyncio.Transport):
-    """The transport of a connected host, as far as the server uses it."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.reading = True
-        self.sent = b""
-
-    def is_reading(self) -> bool:
-        return self.reading
-
-    def pause_reading(self) -> None:
-        self.reading = False
-
-    def resume_reading(self) -> None:
-        self.reading = True
-
-    def write(self, data: bytes | bytearray | memoryview) -> None:
-        self.sent += data
-
-    def get_write_buffer_size(self) -> int:
-        return 0
-
-
-def test_the_server_reads_no_more_from_a_host_than_the_card_has_room_for(bench: Bench) -> None:
-    network = Network()
-    host = _Host(bench.sim, set())
-    host.connection_made(network)
-    reads = []
-    for lines in (INBOX_LIMIT // 5, 10):
-        host.data_received(b"P1=1\r" * lines)
-        reads.append(network.reading)
-    bench.sim.wait(10 * CYCLE_S)
-    host.flush()
-    assert [*reads, network.reading] == [True, False, True]
-    assert network.sent == b"\x06" * len(network.sent) != b""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.errors import ControllerError
+from drivers.simulator import buffers
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
@@ -98,6 +99,24 @@ def test_005_program_lines_without_an_open_buffer(bench: Bench, line: str) -> No
     assert refusal(bench, line) == 5
 
 
+def test_006_a_program_that_is_too_long_and_programs_that_are_too_many(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(buffers, "MAX_LINES", 3)
+    monkeypatch.setattr(buffers, "ROOM_LINES", 5)
+    bench.client.request("OPEN PROG 1 CLEAR")
+    for line in ("X1", "X2", "X3"):
+        bench.client.request(line)
+    assert refusal(bench, "X4") == 6
+    bench.client.request("CLOSE")
+    bench.client.request("OPEN PROG 2 CLEAR")
+    for line in ("X1", "X2"):
+        bench.client.request(line)
+    assert refusal(bench, "X3") == 6
+    bench.client.request("CLOSE")
+    assert bench.client.request("LIST PROG 1") == ("X1", "X2", "X3")
+
+
 def test_007_a_second_buffer(bench: Bench) -> None:
     bench.client.request("OPEN PROG 1")
     assert refusal(bench, "OPEN PROG 1") == 7
@@ -107,6 +126,23 @@ def test_007_a_second_buffer(bench: Bench) -> None:
 def test_009_an_end_without_its_beginning(closed: Bench) -> None:
     closed.program("ENDIF")
     assert refusal(closed, "R") == 9
+
+
+def test_010_both_limits_of_a_motor_are_set(closed: Bench) -> None:
+    closed.program("X100")
+    travel = closed.sim.controller.motors[3].travel
+    travel.plus_pin = travel.minus_pin = True
+    closed.sim.wait(0.1)
+    assert refusal(closed, "R") == 10
+
+
+def test_011_the_move_before_is_not_completed(closed: Bench) -> None:
+    closed.program("INC TA10 TS0 TM500", "X100", "X100", "X100")
+    closed.client.request("S")
+    closed.sim.wait(0.1)
+    assert refusal(closed, "S") == 11
+    closed.settle()
+    closed.client.request("S")
 
 
 def test_012_a_killed_motor_in_the_coordinate_system(closed: Bench) -> None:
@@ -123,10 +159,10 @@ def test_013_a_motor_that_is_not_activated(closed: Bench) -> None:
     assert refusal(closed, "#3J+") == 13
 
 
-def test_013_a_motor_that_this_machine_does_not_have(closed: Bench) -> None:
-    assert refusal(closed, "#4J+") == 13
-    assert refusal(closed, "#4->A") == 13
-    assert len(closed.ask("??")) == 12
+@pytest.mark.parametrize("line", ["J+", "J/", "J=10", "J:5", "HM", "HMZ", "O5", "$", "$*"])
+def test_013_a_motor_that_this_machine_does_not_use(closed: Bench, line: str) -> None:
+    assert refusal(closed, f"#4{line}") == 13
+    assert closed.client.query("#4P", "V", "F", "?") == ("0", "0", "0", "050000000000")
 
 
 def test_014_a_coordinate_system_without_motors(closed: Bench) -> None:
@@ -162,6 +198,26 @@ def test_015_while_a_buffer_is_open(closed: Bench) -> None:
 def test_016_a_block_without_its_end(closed: Bench, lines: tuple[str, ...]) -> None:
     closed.program(*lines)
     assert refusal(closed, "R") == 16
+
+
+def test_017_a_motor_was_moved_since_the_program_was_stopped(closed: Bench) -> None:
+    closed.program("INC TA10 TS0 TM100", "Z30", "Z30", "Z30")
+    closed.client.request("S")
+    closed.settle()
+    closed.client.request("#3J:5")
+    closed.settle()
+    assert refusal(closed, "R") == 17
+    closed.client.request("#3J=")
+    closed.settle()
+    closed.client.request("R")
+    closed.settle()
+    assert closed.number("#3P") == 90
+
+
+def test_018_a_motor_that_moves_is_not_phased(closed: Bench) -> None:
+    closed.client.request("#3J+")
+    closed.sim.wait(0.2)
+    assert refusal(closed, "$") == 18
 
 
 def test_a_refused_download_leaves_no_buffer_open(bench: Bench) -> None:

@@ -129,6 +129,24 @@ def test_ix34_keeps_the_integrator_still_in_motion() -> None:
     assert abs(lag[0.0]) < 0.5 * drag
 
 
+def test_an_integrator_with_a_limit_of_zero_is_off() -> None:
+    """Ix63 = 0 (Software Reference): the drag error of a slow ramp stays, as without Ix33."""
+    ramp = (2.0 * np.arange(round(20 / CYCLE_S))).tolist()
+    assert held(ix63=0.0).follow(ramp) == held(ix33=0.0).follow(ramp)
+    assert held(ix63=1.0).follow(ramp) != held(ix33=0.0).follow(ramp)
+
+
+@pytest.mark.parametrize(("output", "share"), [(0.1, 0.1), (-0.5, -0.5), (1.0, 10_531 / 20_000)])
+def test_an_open_loop_output_accelerates_by_newtons_law(output: float, share: float) -> None:
+    """A share of Ix69 = 20000 bits, as far as the amplifier goes; one cycle late, as in closed loop."""
+    positions = np.array(held(ix69=20_000).push(output, 4))
+    force = share * 20_000 / BITS_PER_V * FORCE_N_PER_V
+    acceleration = np.diff(positions, 2) / CYCLE_S**2 / 5e6
+    assert positions[:2].tolist() == [0.0, 0.0]
+    assert acceleration[0] == pytest.approx(force / MASS / 2, rel=0.02)
+    assert acceleration[1] == pytest.approx(force / MASS, rel=0.03)
+
+
 def test_a_killed_slide_runs_out_against_its_damping() -> None:
     """v M/B of way: 4.74/201.6 s at 10 counts a cycle."""
     axis = held()

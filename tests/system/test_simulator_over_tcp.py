@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -22,6 +19,9 @@ from drivers.pmac.client import PmacClient
 from drivers.snapshot import AxisName
 from drivers.stop import StopPath, StoppedError
 from profiles.store import load_machine
+
+if TYPE_CHECKING:
+    from tests.system.conftest import Serve
 
 pytestmark = pytest.mark.system
 
@@ -79,23 +79,10 @@ class Host:
 
 
 @pytest.fixture(scope="module")
-def address() -> Iterator[tuple[str, int]]:
-    with subprocess.Popen(
-        [sys.executable, "-m", "console", "simulator", "--tcp", "127.0.0.1:0", "--json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        text = ""
-        while not text.endswith("}\n"):
-            text += process.stdout.readline()
-        kind, host, port = json.loads(text)["listening"].split(":")
-        assert kind == "tcp"
-        yield host, int(port)
-        process.send_signal(signal.SIGTERM)
-        out, err = process.communicate(timeout=10)
-        assert (process.returncode, out, err) == (0, "", "")
+def address(serve: Serve) -> Iterator[tuple[str, int]]:
+    with serve("--tcp", "127.0.0.1:0") as served:
+        yield served.tcp
+        assert served.end() == (0, "", "")
 
 
 @pytest.fixture
@@ -122,12 +109,15 @@ def test_the_mended_program_typed_line_by_line_runs_and_can_be_watched(host: Hos
     assert host.ask("&1B1R") == b"\x06"
     wait_until(lambda: host.number("#2P") > 5000)
     positions, velocities, errors, spindle = [], [], [], []
-    for _ in range(200):
-        reply = host.ask("#1PVF#2V").rstrip(b"\x06").split(b"\r")
+    watched_until = host.number("#2P") + 50_000  # 0.6 s, 15 periods of the tool
+    turned = 0.0
+    while turned < watched_until:
+        reply = host.ask("#1PVF#2VP").rstrip(b"\x06").split(b"\r")
         positions.append(float(reply[0]))
         velocities.append(float(reply[1]))
         errors.append(float(reply[2]))
         spindle.append(float(reply[3]))
+        turned = float(reply[4])
     # 20 ms segments: 500 rpm, 83.3 counts/ms, 36.9 counts in a servo cycle. Two thirds of 275 counts: 183.
     assert sum(spindle) / len(spindle) == pytest.approx(10_000 * 500 / 60_000 * 0.44271, abs=0.2)
     assert max(positions) - min(positions) == pytest.approx(183.3, abs=8)

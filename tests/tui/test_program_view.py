@@ -114,7 +114,7 @@ def test_p_shows_the_program_and_takes_it_away(language: str) -> None:
 
 def test_up_and_down_go_through_all_of_it_and_no_further() -> None:
     numbers: set[int] = set()
-    for down in range(4):
+    for down in range(5):
         rows = shown("preview.program", *["preview.down"] * down).split("\n")
         numbers |= {int(found[1]) for row in rows if (found := re.match(r"│ *(\d+) ", row))}
     assert numbers == set(range(1, len(text_of(Strategy.PAPER).splitlines()) + 1))

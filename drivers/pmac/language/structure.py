@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.syntax import Else, EndIf, EndWhile, If, Line, Program, Statement, While
+from drivers.pmac.language.syntax import Else, EndIf, EndWhile, If, Label, Line, Program, Statement, While
 
 NO_JUMP = -1
 
@@ -17,12 +18,18 @@ class Code:
     `line_of` is the index of the line in the program (an implied end belongs to the last line in it).
     `jumps` is where to go on: for a While whose condition is false, behind its end; for an EndWhile, to its
     While; for an If whose condition is false, to the first instruction of the alternative or behind the end;
-    for an Else that is reached, behind the end; NO_JUMP for anything else.
+    for an Else that is reached, behind the end; NO_JUMP for anything else. `labels` are the instructions that
+    carry a line number; of two with the same number the first one counts.
     """
 
     instructions: tuple[Statement, ...]
     line_of: tuple[int, ...]
     jumps: tuple[int, ...]
+    labels: Mapping[int, int] = field(default_factory=dict)
+
+    def find(self, label: int) -> int | None:
+        """Return the instruction with a label; the beginning of a program is N0 unless another line is."""
+        return self.labels.get(label, 0 if label == 0 else None)
 
 
 def link(program: Program) -> Code:
@@ -57,6 +64,7 @@ class _Linker:
     instructions: list[Statement] = field(default_factory=list)
     line_of: list[int] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
+    labels: dict[int, int] = field(default_factory=dict)
     blocks: list[_Block] = field(default_factory=list)
 
     def add(self, number: int, line: Line) -> None:
@@ -74,7 +82,7 @@ class _Linker:
             block = self.blocks[-1]
             word = "WHILE" if block.loop else "IF"
             raise PmacError(ErrorCode.BAD_STRUCTURE_RUNNING, f"line {block.line + 1}: {word} without its end")
-        return Code(tuple(self.instructions), tuple(self.line_of), tuple(self.jumps))
+        return Code(tuple(self.instructions), tuple(self.line_of), tuple(self.jumps), self.labels)
 
     def _add_statement(self, number: int, statement: Statement) -> None:
         match statement:
@@ -86,6 +94,9 @@ class _Linker:
                 self._add_else(number, statement)
             case EndWhile() | EndIf():
                 self._end(number, statement)
+            case Label():
+                self.labels.setdefault(statement.number, len(self.instructions))
+                self._emit(number, statement)
             case _:
                 self._emit(number, statement)
 

@@ -5,6 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+AXES = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
+"""The letters of axes."""
+
+VECTOR = ("I", "J", "K")
+"""The letters of a vector, by its parts along X, Y and Z."""
+
 
 class VariableKind(StrEnum):
     """The four families of numbered variables."""
@@ -80,10 +86,16 @@ Condition = Comparison | Junction
 
 @dataclass(frozen=True, slots=True)
 class Assign:
-    """`P1=...`, executed when the line is calculated, one or two moves ahead of the motion."""
+    """`P1=...`, executed when the line is calculated, one or two moves ahead of the motion.
+
+    With `synchronous` (`M1==...`) the value is calculated then, too, but stored when the next move starts.
+    `operator` & | or ^ (`M1&=...`, always synchronous) combines the value with that of the target.
+    """
 
     target: Variable
     value: Expression
+    synchronous: bool = False
+    operator: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,22 +108,37 @@ class Set:
 
 @dataclass(frozen=True, slots=True)
 class SelectMode:
-    """A move mode without a value: LINEAR."""
+    """A move mode without a value: LINEAR, RAPID, SPLINE1, SPLINE2, CIRCLE1 (clockwise) or CIRCLE2."""
 
     mode: str
 
 
 @dataclass(frozen=True, slots=True)
 class Positioning:
-    """ABS or INC, for all axes when `axes` is empty."""
+    """ABS or INC, for all axes when `axes` is empty; `R` among them stands for the vector to a circle's centre."""
 
     incremental: bool
     axes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
+class Feedrate:
+    """FRAX: the axes whose distance F speaks of; every axis when `axes` is empty, no axis with `none` (NOFRAX)."""
+
+    axes: tuple[str, ...] = ()
+    none: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """`NORMAL K-1`: the vector normal to the plane of circles, by the letters I, J and K."""
+
+    words: tuple[AxisWord, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class AxisWord:
-    """`X(P500)`, or `X10:5` with an end velocity in PVT mode."""
+    """`X(P500)`, or `X10:5` with an end velocity in PVT mode; `I J K R` say where a circle's centre is."""
 
     axis: str
     value: Expression
@@ -120,9 +147,24 @@ class AxisWord:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """The axis words of one line: the axes move together."""
+    """The axis words of one line: the axes move together. I, J, K and R words of a circle stand among them."""
 
     words: tuple[AxisWord, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """PSET: the axes are, from now on, at the given positions; nothing moves."""
+
+    words: tuple[AxisWord, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """`HOME1..3,5`: search the home of motors and wait; `zero` (HOMEZ) declares them there without a move."""
+
+    motors: tuple[int, ...]
+    zero: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +173,100 @@ class Wait:
 
     word: str
     duration_ms: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """WAIT: nothing for a real-time interrupt; behind a WHILE it holds the program in its place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """STOP: the program stops here; R goes on with the next line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """BLOCKSTART (`begins`) or BLOCKSTOP: what stands between is one step."""
+
+    begins: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """`N100`, or `O100`: a place to jump to."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Goto:
+    """GOTO a label."""
+
+    label: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Gosub:
+    """GOSUB a label of the same program; RETURN comes back behind it."""
+
+    label: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class CallProgram:
+    """`CALL 500.100`: go on at a label (the fraction, in units of 1/100000) of another program, and come back.
+
+    `code` is the letter of a `G1`, `M3`, `T5` or `D7`, which are calls of programs 1000, 1001, 1002 and 1003.
+    Words that follow on the line are arguments for READ; what READ does not take is executed afterwards.
+    """
+
+    target: Expression
+    code: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """A letter with a value behind a call that is no statement of its own, such as the P of `G4 P2000`.
+
+    S may also stand alone: the spindle speed, which goes to Q127.
+    """
+
+    letter: str
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """READ(X,Y): arguments of the calling line to Q101 (A) to Q126 (Z), with a bit for each in Q100."""
+
+    letters: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    """RETURN: back behind the call, or the end of the program."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """CMD"..." (an on-line command), SEND"..." or DISPLAY"..."; `port` is the letter of CMDS or SENDP.
+
+    The text of `CMD^A` and `SEND^M` is that control character. `place` is the column of `DISPLAY8"..."`.
+    """
+
+    word: str
+    text: str
+    port: str = ""
+    place: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlcSwitch:
+    """ENABLE PLC or DISABLE PLC."""
+
+    enable: bool
+    numbers: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +302,15 @@ class EndIf:
     """ENDIF, or ENDI."""
 
 
-Statement = Assign | Set | SelectMode | Positioning | Move | Wait | While | EndWhile | If | Else | EndIf
+Modal = Set | SelectMode | Positioning | Feedrate | Normal
+"""What stays in force for the moves that follow."""
+
+Flow = While | EndWhile | If | Else | EndIf | Label | Goto | Gosub | CallProgram | Read | Return
+"""What decides which line comes next."""
+
+Statement = (
+    Modal | Flow | Assign | Move | Preset | Home | Wait | Pause | Stop | Block | Argument | Message | PlcSwitch
+)
 
 Line = tuple[Statement, ...]
 """What stands between two line ends. A program is a tuple of lines."""

@@ -3,30 +3,51 @@
 from __future__ import annotations
 
 from decimal import Decimal
+from itertools import zip_longest
 
 from drivers.pmac.language.expressions import PRODUCTS
-from drivers.pmac.language.parser import gather_moves
+from drivers.pmac.language.flow_statements import ARGUMENTS
+from drivers.pmac.language.gathering import gather_moves, may_be_argument
+from drivers.pmac.language.message_statements import control_letter, is_control
 from drivers.pmac.language.syntax import (
+    AXES,
+    VECTOR,
+    Argument,
     Assign,
     AxisWord,
     Binary,
+    Block,
     Call,
+    CallProgram,
     Condition,
     Else,
     EndIf,
     EndWhile,
     Expression,
+    Feedrate,
+    Gosub,
+    Goto,
+    Home,
     If,
     Junction,
+    Label,
     Line,
+    Message,
     Move,
     Negate,
+    Normal,
     Number,
+    Pause,
+    PlcSwitch,
     Positioning,
+    Preset,
     Program,
+    Read,
+    Return,
     SelectMode,
     Set,
     Statement,
+    Stop,
     Variable,
     Wait,
     While,
@@ -95,37 +116,88 @@ def format_condition(condition: Condition) -> str:
 def format_statement(statement: Statement) -> str:
     """Write one statement. Raises ValueError as `format_condition` does."""
     match statement:
-        case Assign(target, value):
-            return f"{format_expression(target)}={format_expression(value)}"
-        case Set(word, value) | Wait(word, value):
-            return f"{word}{format_data(value)}"
+        case Assign() | Set() | Wait() | Argument() | Message():
+            return _valued(statement)
+        case While() | If() | Label() | Goto() | Gosub() | CallProgram() | Read():
+            return _flow(statement)
+        case Positioning() | Feedrate() | Normal() | Move() | Preset() | Home() | PlcSwitch():
+            return _listing(statement)
         case SelectMode(mode):
             return mode
-        case Positioning(incremental, axes):
-            listed = f"({','.join(axes)})" if axes else ""
-            return f"{'INC' if incremental else 'ABS'}{listed}"
-        case Move(words):
-            return " ".join(_axis_word(word) for word in words)
-        case While(condition):
-            return f"WHILE({format_condition(condition)})"
-        case If(condition):
-            return f"IF({format_condition(condition)})"
+        case Block(begins):
+            return "BLOCKSTART" if begins else "BLOCKSTOP"
         case EndWhile():
             return "ENDWHILE"
         case Else():
             return "ELSE"
         case EndIf():
             return "ENDIF"
+        case Return():
+            return "RETURN"
+        case Pause():
+            return "WAIT"
+        case Stop():
+            return "STOP"
+
+
+def _valued(statement: Assign | Set | Wait | Argument | Message) -> str:
+    match statement:
+        case Assign(target, value, synchronous, operator):
+            sign = f"{operator or '='}=" if synchronous else "="
+            return f"{format_expression(target)}{sign}{format_expression(value)}"
+        case Set(word, value) | Wait(word, value) | Argument(word, value):
+            return f"{word}{format_data(value)}"
+        case Message(word, text, port, place):
+            quoted = f"^{control_letter(text)}" if is_control(text) else f'"{text}"'
+            return f"{word}{port}{'' if place is None else place}{quoted}"
+
+
+def _flow(statement: While | If | Label | Goto | Gosub | CallProgram | Read) -> str:
+    match statement:
+        case While(condition):
+            return f"WHILE({format_condition(condition)})"
+        case If(condition):
+            return f"IF({format_condition(condition)})"
+        case Label(number):
+            return f"N{number}"
+        case Goto(label):
+            return f"GOTO{format_data(label)}"
+        case Gosub(label):
+            return f"GOSUB{format_data(label)}"
+        case CallProgram(target, code):
+            return f"{code or 'CALL'}{format_data(target)}"
+        case Read(letters):
+            return f"READ({','.join(letters)})"
+
+
+def _listing(statement: Positioning | Feedrate | Normal | Move | Preset | Home | PlcSwitch) -> str:
+    match statement:
+        case Positioning(incremental, axes):
+            return f"{'INC' if incremental else 'ABS'}{_in_parentheses(axes)}"
+        case Feedrate(axes, none):
+            return "NOFRAX" if none else f"FRAX{_in_parentheses(axes)}"
+        case Normal(words):
+            return f"NORMAL {_axis_words(words)}"
+        case Move(words):
+            return _axis_words(words)
+        case Preset(words):
+            return f"PSET {_axis_words(words)}"
+        case Home(motors, zero):
+            return f"{'HOMEZ' if zero else 'HOME'}{','.join(map(str, motors))}"
+        case PlcSwitch(enable, numbers):
+            return f"{'ENABLE' if enable else 'DISABLE'} PLC {','.join(map(str, numbers))}"
 
 
 def format_line(line: Line) -> str:
     """Write a line without a line end.
 
     Raises ValueError: the line would be read back as another one (moves that `gather_moves` would join or
-    move, `inline` in contradiction to what follows, a condition that `format_condition` refuses).
+    move, words that the statement before them would take as its own, `inline` in contradiction to what
+    follows, a condition that `format_condition` refuses).
     """
     if gather_moves(line) != line:
         raise ValueError("the moves of this line would be joined or moved: use more lines")
+    _check_neighbours(line)
     for place, statement in enumerate(line):
         last = place == len(line) - 1
         if isinstance(statement, While | If | Else) and statement.inline is last:
@@ -142,6 +214,28 @@ def _plain(digits: str) -> str:
     if "." in digits:
         digits = digits.rstrip("0").rstrip(".")
     return "0" if digits == "-0" else digits
+
+
+def _check_neighbours(line: Line) -> None:
+    behind_call = False
+    for statement, following in zip_longest(line, line[1:]):
+        if isinstance(statement, Argument) and statement.letter in ARGUMENTS and not behind_call:
+            raise ValueError("an argument without a call on its line")
+        behind_call = isinstance(statement, CallProgram) or (behind_call and may_be_argument(statement))
+        if isinstance(statement, Normal | Preset) and isinstance(following, Move):
+            own = {word.axis for word in statement.words}
+            vector = isinstance(statement, Normal)
+            first = following.words[0].axis
+            if first not in own and (first in VECTOR if vector else first in AXES):
+                raise ValueError(f"{first} would be read as part of the statement before it: use more lines")
+
+
+def _in_parentheses(letters: tuple[str, ...]) -> str:
+    return f"({','.join(letters)})" if letters else ""
+
+
+def _axis_words(words: tuple[AxisWord, ...]) -> str:
+    return " ".join(map(_axis_word, words))
 
 
 def _axis_word(word: AxisWord) -> str:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from drivers.pmac.trajectory.linear import Limits, LinearMove, at_rest, effective_timing, lay, stop
 from drivers.pmac.trajectory.pieces import Piece, ramp
+from drivers.pmac.variables import VariableStore
+
+SHORTEST_RAMP_MS = 1.0
+"""How a motion comes to rest when its two acceleration times, both zero, leave it no time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,16 +46,24 @@ def jog_to(position: float, target: float, settings: JogSettings) -> tuple[Piece
     Raises:
         NoAccelerationTimeError: Ix20 and Ix21 are both zero.
     """
+    return jog_in(position, target, settings, jog_time_ms(target - position, settings))
+
+
+def jog_time_ms(distance: float, settings: JogSettings) -> float:
+    """Return how long a jog takes before its acceleration is added, ms."""
+    return abs(distance) / settings.speed if settings.speed > 0.0 else 0.0
+
+
+def jog_in(position: float, target: float, settings: JogSettings, tm_ms: float) -> tuple[Piece, ...]:
+    """Jog in a given time to which the acceleration is added, instead of at Ix22.
+
+    Raises:
+        NoAccelerationTimeError: Ix20 and Ix21 are both zero.
+    """
     if target == position:
         return ()
-    distance = target - position
-    limits = Limits(velocity=(settings.speed,), acceleration=(settings.acceleration,))
-    move = LinearMove(
-        distance=(distance,),
-        ta_ms=settings.ta_ms,
-        ts_ms=settings.ts_ms,
-        tm_ms=abs(distance) / settings.speed if settings.speed > 0.0 else 0.0,
-    )
+    limits = Limits(velocity=(0.0,), acceleration=(settings.acceleration,))
+    move = LinearMove(distance=(target - position,), ta_ms=settings.ta_ms, ts_ms=settings.ts_ms, tm_ms=tm_ms)
     pieces, blend, timing = lay(at_rest((position,)), move, limits)
     return pieces + stop(blend, timing.ta_ms, timing.ts_ms, limits)
 
@@ -62,3 +75,17 @@ def decelerate(position: float, velocity: float, rate: float) -> tuple[Piece, ..
     if rate <= 0.0:
         return (Piece(float("inf"), ((position, velocity, 0.0, 0.0),)),)
     return ramp((position,), (velocity,), (0.0,), abs(velocity) / rate, 0.0)
+
+
+def jog_settings(variables: VariableStore, motor: int, speed: int = 22) -> JogSettings:
+    """Return what the I-variables say about a jog of a motor, at Ix22 or the one that is named.
+
+    Ix20 and Ix21 are whole ms; both 0 count as 1 ms, where the controller would divide by zero.
+    """
+    ta_ms, ts_ms = (float(max(0, math.floor(variables.motor(motor, number) + 0.5))) for number in (20, 21))
+    return JogSettings(
+        acceleration=variables.motor(motor, 19),
+        ta_ms=ta_ms or (0.0 if ts_ms else SHORTEST_RAMP_MS),
+        ts_ms=ts_ms,
+        speed=abs(variables.motor(motor, speed)),
+    )

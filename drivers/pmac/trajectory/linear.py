@@ -9,14 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, ramp
 
 MOVE_TIME_MAX_MS = 8_388_607.0
 """Longest LINEAR move (rule 6); a feedrate move that would take longer is done in this time."""
 
 
-class NoAccelerationTimeError(ValueError):
+class NoAccelerationTimeError(PmacError):
     """TA and TS are both zero, which the controller cannot divide by (rule 5)."""
+
+    def __init__(self) -> None:
+        super().__init__(ErrorCode.DATA_ERROR, "TA and TS are both zero")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +97,7 @@ def lay(blend: Blend, move: LinearMove, limits: Limits) -> tuple[tuple[Piece, ..
     """Blend into `move`: return the pieces up to the end of that ramp, the new state and the timing used."""
     timing = effective_timing(move, blend.velocity, limits)
     velocity = tuple(distance / timing.tm_ms for distance in move.distance)
-    ta_ms, ts_ms = _room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+    ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
     pieces = _change_velocity(blend, velocity, ta_ms, ts_ms)
     after = Blend(
         target=tuple(t + d for t, d in zip(blend.target, move.distance, strict=True)),
@@ -102,6 +106,13 @@ def lay(blend: Blend, move: LinearMove, limits: Limits) -> tuple[tuple[Piece, ..
         at_rest=False,
     )
     return pieces, after, Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=timing.tm_ms)
+
+
+def room_for_ramp(blend: Blend, ta_ms: float, ts_ms: float) -> tuple[float, float]:
+    """Rule 3: two ramps, each centred on its boundary, must not overlap inside the move between them."""
+    if not blend.at_rest:
+        ta_ms = min(ta_ms, 2.0 * blend.room_ms)
+    return ta_ms, min(ts_ms, 0.5 * ta_ms)
 
 
 def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piece, ...]:
@@ -116,15 +127,8 @@ def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piec
     timing = effective_timing(
         LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0), blend.velocity, limits
     )
-    ta_ms, ts_ms = _room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
+    ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
     return _change_velocity(blend, still, ta_ms, ts_ms, calculates=False)
-
-
-def _room_for_ramp(blend: Blend, ta_ms: float, ts_ms: float) -> tuple[float, float]:
-    """Rule 3: two ramps, each centred on its boundary, must not overlap inside the move between them."""
-    if not blend.at_rest:
-        ta_ms = min(ta_ms, 2.0 * blend.room_ms)
-    return ta_ms, min(ts_ms, 0.5 * ta_ms)
 
 
 def _change_velocity(

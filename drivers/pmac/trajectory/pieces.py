@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from drivers.pmac.requests import Deferred
+
 Vector = tuple[float, ...]
 """One number for each motor of a coordinate system, in its fixed order."""
 
@@ -16,11 +18,17 @@ Cubic = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """`duration_ms` of motion; `calculates` marks the instant at which the next move is calculated."""
+    """`duration_ms` of motion; `calculates` marks the instant at which the next move is calculated.
+
+    A piece in `real_time` (a DWELL) passes at the rate of the servo clock whatever the time base is. `deferred`
+    are the assignments that take effect when it begins.
+    """
 
     duration_ms: float
     cubics: tuple[Cubic, ...]
     calculates: bool = False
+    real_time: bool = False
+    deferred: tuple[Deferred, ...] = ()
 
 
 def position_at(cubic: Cubic, t_ms: float) -> float:
@@ -68,7 +76,9 @@ def ramp(
     return tuple(pieces)
 
 
-def hermite(start: Vector, before: Vector, end: Vector, after: Vector, duration_ms: float) -> Piece:
+def hermite(
+    start: Vector, before: Vector, end: Vector, after: Vector, duration_ms: float, calculates: bool = True
+) -> Piece:
     """Return the cubic through both positions (counts) with both velocities (counts/ms): a PVT segment."""
     cubics = []
     for p0, v0, p1, v1 in zip(start, before, end, after, strict=True):
@@ -76,4 +86,4 @@ def hermite(start: Vector, before: Vector, end: Vector, after: Vector, duration_
         c2 = (3.0 * slope - 2.0 * v0 - v1) / duration_ms
         c3 = (v0 + v1 - 2.0 * slope) / (duration_ms * duration_ms)
         cubics.append((p0, v0, c2, c3))
-    return Piece(duration_ms, tuple(cubics), calculates=True)
+    return Piece(duration_ms, tuple(cubics), calculates=calculates)

@@ -6,62 +6,64 @@ positions are counts, times ms.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 
 from drivers.pmac.axes import AxisDefinition
-from drivers.pmac.dialect import Setting
-from drivers.pmac.execution import (
+from drivers.pmac.execution.run import ProgramRun
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.requests import (
     BlendBreak,
+    CircleRequest,
+    Deferred,
     DwellRequest,
     Finished,
+    Halt,
+    HomeRequest,
     LinearRequest,
-    ProgramRun,
+    PresetRequest,
     PvtRequest,
+    RapidRequest,
+    Request,
+    SplineRequest,
 )
-from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.settings import servo_cycle_ms
+from drivers.pmac.trajectory import spline
+from drivers.pmac.trajectory.circle import chord_length
+from drivers.pmac.trajectory.course import CurvedBlend, lay_course, stop_course
+from drivers.pmac.trajectory.frame import FARTHEST_COUNTS, MotorFrame
+from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS
 from drivers.pmac.trajectory.linear import (
     Blend,
-    Limits,
     LinearMove,
-    NoAccelerationTimeError,
-    Timing,
     at_rest,
     lay,
     stop,
 )
-from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, ramp
+from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
+from drivers.pmac.trajectory.planned import (
+    Event,
+    MoveRecord,
+    Planned,
+    blended_record,
+    check_segment,
+    circle_time_ms,
+    defer,
+    plain_record,
+    straightened,
+)
+from drivers.pmac.trajectory.rapid import rapid, rapid_time_ms
 from drivers.pmac.variables import VariableStore
 
-FARTHEST_COUNTS = 2.0**47 / (96 * 32)
-"""Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""
+__all__ = ["FARTHEST_COUNTS", "SHORTEST_RAMP_MS", "Event", "MotionPlanner", "MoveRecord", "Planned"]
 
-SHORTEST_RAMP_MS = 1.0
-"""How a motion comes to rest when TA and TS, both zero, leave it no time."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MoveRecord:
-    """What was asked and what is done with it; `timing` is None for PVT, which is done as asked."""
-
-    line: int
-    target: Vector
-    asked: Timing
-    timing: Timing | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Planned:
-    """The pieces that one look at the program gave; `finished` when nothing follows them."""
-
-    pieces: tuple[Piece, ...]
-    record: MoveRecord | None = None
-    finished: bool = False
+_State = tuple[Blend, Vector | None, spline.Spline | None, bool]
 
 
 class MotionPlanner:
-    """Lays the trajectory of one program run, one request at a time."""
+    """Lays the trajectory of one program run, one request at a time.
+
+    What is laid ends at `_blend`: at rest, in a blended move, or, at its target, in a PVT or SPLINE sequence.
+    """
 
     def __init__(
         self,
@@ -73,11 +75,20 @@ class MotionPlanner:
     ) -> None:
         """`position` are the commanded motor positions in counts, in the order of `definitions`."""
         self.run = run
-        self._definitions = definitions
+        self._frame = MotorFrame(definitions, variables, system)
         self._variables = variables
         self._system = system
         self._blend: Blend = at_rest(position)
         self._pvt_velocity: Vector | None = None
+        self._spline: spline.Spline | None = None
+        self._ahead: Request | None = None
+        self._after_break = True
+        self._newest: tuple[Request, _State] | None = None
+
+    @property
+    def target(self) -> Vector:
+        """The point that was programmed last, counts."""
+        return self._blend.target
 
     def plan(self) -> Planned:
         """Calculate the next request and lay it.
@@ -85,104 +96,219 @@ class MotionPlanner:
         Raises:
             PmacError: a run-time error of the program.
         """
-        request = self.run.advance()
+        before = self._blend, self._pvt_velocity, self._spline, self._after_break
+        self._newest = None
         try:
-            match request:
-                case LinearRequest():
-                    return self._linear(request)
-                case PvtRequest():
-                    return self._pvt(request)
-                case DwellRequest():
-                    return self._dwell(request.duration_ms)
-                case BlendBreak():
-                    return self._dwell(0.0)
-                case Finished():
-                    return Planned(pieces=self._stop(), finished=True)
-        except NoAccelerationTimeError as error:
-            raise PmacError(ErrorCode.DATA_ERROR, "TA and TS are both zero") from error
+            request = self._next()
+            planned = self._lay(request)
+            self._newest = request, before
+            return planned
+        except PmacError:
+            # Nothing of this request is played: what comes next has to join on to what is.
+            self._blend, self._pvt_velocity, self._spline, self._after_break = before
+            raise
+
+    def take_back(self) -> bool:
+        """Forget what was laid last, and give it again at the next look; False if that cannot be done."""
+        if self._newest is None or self._ahead is not None:
+            return False
+        self._ahead, (self._blend, self._pvt_velocity, self._spline, self._after_break) = self._newest
+        self._newest = None
+        return True
+
+    def settle(self) -> tuple[Piece, ...]:
+        """Bring the motion to rest at its programmed point; the next move begins as after a break.
+
+        A PVT segment that does not end at rest ramps down at Ix15 behind its point.
+
+        Raises:
+            PmacError: TA and TS are both zero.
+        """
+        self._after_break = True
+        if any(self._pvt_velocity or ()):
+            return self.halt(self._frame.abort_rates())
+        return self._rest()
 
     def halt(self, rates: Vector) -> tuple[Piece, ...]:
-        """Give up the program: a blended move ends at its target, a PVT motion ramps down.
+        """Give up the program: a blended or splined move ends at its target, a PVT motion ramps down.
 
         `rates` are Ix15 of the motors, counts/ms^2; the slowest motor sets the time, so that they stop together.
         """
+        self._after_break = True
         velocity = self._pvt_velocity
         self._pvt_velocity = None
         if velocity is None or not any(velocity):
-            return self._stop(SHORTEST_RAMP_MS)
+            return self._rest(SHORTEST_RAMP_MS)
         times = [abs(v) / rate if rate > 0.0 else 0.0 for v, rate in zip(velocity, rates, strict=True)]
-        still = tuple(0.0 for _ in velocity)
-        return ramp(self._blend.target, velocity, still, max(times) or 1.0, 0.0, calculates=False)
+        pieces = ramp(self.target, velocity, self._frame.still, max(times) or 1.0, 0.0, calculates=False)
+        self._blend = at_rest(tuple(position_at(c, pieces[-1].duration_ms) for c in pieces[-1].cubics))
+        return pieces
+
+    def relocate(self, counts: Vector, definitions: tuple[AxisDefinition, ...] | None = None) -> None:
+        """Go on from rest at `counts`: after a home search, or a motion by somebody else.
+
+        After a PSET the axes have other positions there: `definitions` say which.
+        """
+        self._frame = MotorFrame(definitions or self._frame.definitions, self._variables, self._system)
+        self._blend = at_rest(counts)
+        self._pvt_velocity = self._spline = None
+        self._after_break = True
+
+    def _lay(self, request: Request) -> Planned:
+        match request:
+            case LinearRequest():
+                return self._linear(request)
+            case PvtRequest():
+                return self._pvt(request)
+            case SplineRequest():
+                return self._splined(request)
+            case CircleRequest():
+                return self._circle(request)
+            case RapidRequest():
+                return self._rapid(request)
+            case DwellRequest():
+                return self._dwell(request.duration_ms, request.deferred)
+            case BlendBreak():
+                return self._dwell(0.0)
+            case HomeRequest() | PresetRequest() | Halt():
+                return replace(self._dwell(0.0), event=request)
+            case Finished():
+                return Planned(pieces=self._rest(), finished=True)
 
     def _linear(self, request: LinearRequest) -> Planned:
-        if self._pvt_velocity is not None:
-            self._end_pvt()
-        target = self._counts(request.targets)
-        distance = tuple(t - p for t, p in zip(target, self._blend.target, strict=True))
-        move = LinearMove(distance=distance, ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=request.tm_ms)
-        pieces, self._blend, timing = lay(self._blend, move, self._limits())
-        asked = Timing(ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=request.tm_ms)
-        record = MoveRecord(line=request.line, target=target, asked=asked, timing=timing)
-        return Planned(pieces=pieces, record=record)
+        lead = self._lead_blended()
+        target = self._frame.counts(request.targets, self._blend.target, request.absolute)
+        move = self._move(target, request.ta_ms, request.ts_ms, request.tm_ms)
+        if isinstance(self._blend, CurvedBlend):
+            laid, self._blend, timing = lay_course(self._blend, move, None, self._frame.limits())
+        else:
+            laid, self._blend, timing = lay(self._blend, move, self._frame.limits())
+        record = blended_record(request.line, target, move, timing)
+        return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
+
+    def _circle(self, request: CircleRequest) -> Planned:
+        start = self._frame.positions(self.target)
+        segment_ms = self._frame.segment_ms
+        if segment_ms <= 0.0 or (request.center is None and request.radius is None):
+            return self._linear(straightened(request, chord_length(request, start)))
+        lead = self._lead_blended()
+        target = self._frame.counts(request.targets, self.target, request.absolute)
+        arc = self._frame.arc(request, start, self.target, target)
+        tm_ms = circle_time_ms(request, arc.length)
+        move = self._move(target, request.ta_ms, request.ts_ms, tm_ms)
+        laid, self._blend, timing = lay_course(self._blend, move, arc, self._frame.limits(), segment_ms)
+        record = blended_record(request.line, target, move, timing)
+        return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
+
+    def _rapid(self, request: RapidRequest) -> Planned:
+        """Jog, and calculate nothing until it is done; a RAPID of no distance takes an interrupt."""
+        pieces = self._rest()
+        start = self.target
+        target = self._frame.counts(request.targets, start, request.absolute)
+        settings = self._frame.rapid_settings()
+        pieces += self._wait(self._frame.jog_delay_ms(request.moving))
+        jog = rapid(start, target, settings) or self._wait(self._interrupt_ms())
+        self._blend, self._after_break = at_rest(target), True
+        record = plain_record(request.line, target, rapid_time_ms(start, target, settings))
+        return Planned(pieces=(*pieces, *defer(jog, request.deferred)), record=record)
 
     def _pvt(self, request: PvtRequest) -> Planned:
-        target = self._counts(request.targets)
-        after = tuple([d.scale * request.velocities.get(d.axis, 0.0) for d in self._definitions])
-        _check_range("velocity", after)
-        stopping = self._stop() if self._pvt_velocity is None else ()
-        before = self._pvt_velocity or tuple(0.0 for _ in self._definitions)
-        segment = hermite(self._blend.target, before, target, after, request.duration_ms)
+        lead = self._rest() + self._first_delay() if self._pvt_velocity is None else ()
+        check_segment(request.duration_ms)
+        start = self.target
+        target = self._frame.counts(request.targets, start, request.absolute)
+        after = self._frame.velocities(request.velocities)
+        before = self._pvt_velocity or self._frame.still
+        laid = hermite(start, before, target, after, request.duration_ms)
         self._blend, self._pvt_velocity = at_rest(target), after
-        asked = Timing(ta_ms=0.0, ts_ms=0.0, tm_ms=request.duration_ms)
-        record = MoveRecord(line=request.line, target=target, asked=asked, timing=None)
-        return Planned(pieces=(*stopping, segment), record=record)
+        record = plain_record(request.line, target, request.duration_ms)
+        return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
 
-    def _dwell(self, duration_ms: float) -> Planned:
-        pieces = self._stop()
+    def _splined(self, request: SplineRequest) -> Planned:
+        duration_ms = request.duration_ms
+        check_segment(duration_ms)
+        lead: tuple[Piece, ...] = ()
+        if self._spline is None or not self._spline.goes_on(duration_ms, request.uniform):
+            lead = self._rest() + self._first_delay()
+            self._spline = spline.begin(self.target, duration_ms, request.uniform)
+        target = self._frame.counts(request.targets, self.target, request.absolute)
+        next_ms = duration_ms if request.uniform else self._following_ms(duration_ms)
+        laid, self._spline = spline.add(self._spline, target, duration_ms, next_ms)
+        self._blend = at_rest(target)
+        record = plain_record(request.line, target, duration_ms)
+        return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
+
+    def _following_ms(self, duration_ms: float) -> float:
+        """Return the time of the segment that comes next; after the last one it is as long as that."""
+        if self._ahead is None:
+            self._ahead = self.run.advance()
+        following = self._ahead
+        if isinstance(following, SplineRequest) and not following.uniform and following.duration_ms > 0.0:
+            return following.duration_ms
+        return duration_ms
+
+    def _dwell(self, duration_ms: float, deferred: tuple[Deferred, ...] = ()) -> Planned:
+        pieces = self._rest()
+        self._after_break = True
         # Never less than one real-time interrupt, or a loop without moves would never let go of the time.
-        wait_ms = max(duration_ms, 0.0 if pieces else self._interrupt_ms())
-        if wait_ms > 0.0:
-            still = tuple(0.0 for _ in self._definitions)
-            pieces = (*pieces, constant(self._blend.target, still, wait_ms))
-        return Planned(pieces=pieces)
+        wait_ms = max(duration_ms, 0.0 if pieces and not deferred else self._interrupt_ms())
+        waits = [replace(wait, real_time=True, deferred=deferred) for wait in self._wait(wait_ms)]
+        return Planned(pieces=(*pieces, *waits))
 
-    def _stop(self, least_ms: float = 0.0) -> tuple[Piece, ...]:
-        """Come to rest with the TA and TS now in force; a PVT sequence ends as it was told to."""
+    def _lead_blended(self) -> tuple[Piece, ...]:
+        """End what a LINEAR or CIRCLE move cannot blend with, and wait before the first one (I11)."""
+        lead: tuple[Piece, ...] = ()
+        if self._pvt_velocity is not None or self._spline is not None:
+            lead = self._rest()
+        return lead + self._first_delay() if self._after_break else lead
+
+    def _first_delay(self) -> tuple[Piece, ...]:
+        """I11: what passes between a break and the first move after it, on the time base."""
+        waits = self._after_break
+        self._after_break = False
+        return self._wait(self._variables.i(11)) if waits else ()
+
+    def _wait(self, duration_ms: float) -> tuple[Piece, ...]:
+        """Stand still at the target."""
+        return (constant(self.target, self._frame.still, duration_ms),) if duration_ms > 0.0 else ()
+
+    def _unblended(self) -> tuple[Piece, ...]:
+        """Ix92: stop after each move."""
+        if not self._variables.system(self._system, 92):
+            return ()
+        self._after_break = True
+        return self._rest()
+
+    def _rest(self, least_ms: float = 0.0) -> tuple[Piece, ...]:
+        """Come to rest, blended moves with the TA and TS now in force; a PVT sequence ends as it was told to."""
+        ended, self._spline = self._spline, None
+        if ended is not None:
+            return spline.end(ended)
         if self._pvt_velocity is not None:
-            self._end_pvt()
+            if any(self._pvt_velocity):
+                raise PmacError(ErrorCode.DATA_ERROR, "a PVT sequence that does not end at rest")
+            self._pvt_velocity = None
             return ()
         ta_ms = max(self._variables.blend_ms(self._system, 87), least_ms)
         ts_ms = self._variables.blend_ms(self._system, 88)
-        pieces = stop(self._blend, ta_ms, ts_ms, self._limits())
-        self._blend = at_rest(self._blend.target)
+        blend, limits = self._blend, self._frame.limits()
+        if isinstance(blend, CurvedBlend):
+            pieces = stop_course(blend, ta_ms, ts_ms, limits)
+        else:
+            pieces = stop(blend, ta_ms, ts_ms, limits)
+        self._blend = at_rest(blend.target)
         return pieces
 
-    def _end_pvt(self) -> None:
-        if any(self._pvt_velocity or ()):
-            raise PmacError(ErrorCode.DATA_ERROR, "a PVT sequence that does not end at rest")
-        self._pvt_velocity = None
+    def _move(self, target: Vector, ta_ms: float, ts_ms: float, tm_ms: float) -> LinearMove:
+        distance = tuple([t - p for t, p in zip(target, self._blend.target, strict=True)])
+        return LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
 
-    def _counts(self, targets: Mapping[str, float]) -> Vector:
-        counts = tuple([d.counts(targets[d.axis]) for d in self._definitions])
-        _check_range("position", counts)
-        return counts
-
-    def _limits(self) -> Limits:
-        """Ix16 and Ix17 count only while moves are not segmented (I13 = 0)."""
-        if self._variables.setting(Setting.SEGMENT_MS, self._system) != 0.0:
-            none = tuple(0.0 for _ in self._definitions)
-            return Limits(velocity=none, acceleration=none)
-        return Limits(
-            velocity=tuple(self._variables.motor(d.motor, 16) for d in self._definitions),
-            acceleration=tuple(self._variables.motor(d.motor, 17) for d in self._definitions),
-        )
+    def _next(self) -> Request:
+        request = self._ahead
+        if request is None:
+            return self.run.advance()
+        self._ahead = None
+        return request
 
     def _interrupt_ms(self) -> float:
         return (self._variables.i(8) + 1.0) * servo_cycle_ms(self._variables.i(10))
-
-
-def _check_range(what: str, values: Vector) -> None:
-    """Refuse what the registers of the card cannot hold; a nan is beyond them too."""
-    for value in values:
-        if not abs(value) <= FARTHEST_COUNTS:
-            raise PmacError(ErrorCode.DATA_ERROR, f"{what} {value:g}, up to {FARTHEST_COUNTS:g} counts")

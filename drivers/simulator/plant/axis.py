@@ -45,6 +45,16 @@ class LinearMotor:
         )
 
 
+OPEN_LOOP_COUNTS_PER_S = 100_000.0
+"""Speed that a full open-loop output drives an ideal axis to, in the time constant with which it runs out."""
+
+BARE_COAST_S = 0.1
+"""How an axis runs out that has no machine behind it, time constant."""
+
+BARE_ORIGIN = 500.0
+"""Where such an axis stands at power-up, in counts from a home trigger."""
+
+
 class IdealAxis:
     """An axis that is where it is told to be; switched off, it runs out with a time constant."""
 
@@ -53,6 +63,7 @@ class IdealAxis:
         self._x = 0.0
         self._step = 0.0
         self._keep = math.exp(-cycle_s / coast_s)
+        self._full_step = OPEN_LOOP_COUNTS_PER_S * cycle_s
 
     def close_loop(self) -> float:
         """Stand still where it is."""
@@ -72,11 +83,21 @@ class IdealAxis:
             self._x, self._step = positions[-1], positions[-1] - before
         return positions
 
-    def coast(self, cycles: int) -> list[float]:
-        """Run out."""
+    def push(self, output: float, cycles: int) -> list[float]:
+        """Approach the speed of an open-loop output."""
         positions = []
+        gained = (1.0 - self._keep) * self._full_step * output
         for _ in range(cycles):
-            self._step *= self._keep
+            self._step = self._keep * self._step + gained
             self._x += self._step
             positions.append(self._x)
         return positions
+
+    def coast(self, cycles: int) -> list[float]:
+        """Run out."""
+        return self.push(0.0, cycles)
+
+
+def bare_axis(cycle_s: float) -> IdealAxis:
+    """Return an axis with nothing behind it, for a motor that the machine does not use."""
+    return IdealAxis(cycle_s, BARE_COAST_S, origin=BARE_ORIGIN)

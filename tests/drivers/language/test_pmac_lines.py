@@ -29,6 +29,7 @@ from drivers.pmac.language.syntax import (
     Wait,
     While,
 )
+from drivers.pmac.language.text import format_line
 
 PROG_1 = """\
 
@@ -156,6 +157,43 @@ def test_statements(text: str, expected: tuple[Statement, ...]) -> None:
     assert parse_line(text) == expected
 
 
+@pytest.mark.parametrize(
+    ("text", "canonical"),
+    [
+        ("RPD", "RAPID"),
+        ("cir 1", "CIRCLE1"),
+        ("DWE 5", "DWELL5"),
+        ("HM 1..3,5", "HOME1,2,3,5"),
+        ("HMZ2", "HOMEZ2"),
+        ("PSETX0Y(P1)", "PSET X0 Y(P1)"),
+        ("NRM I1 K-1", "NORMAL I1 K-1"),
+        ("BSTART", "BLOCKSTART"),
+        ("BSTOP", "BLOCKSTOP"),
+        ("Go Sub 101", "GOSUB101"),
+        ("RET", "RETURN"),
+        ("O 100", "N100"),
+        ("END WHILE", "ENDWHILE"),
+        ("while(m11=0)wait", "WHILE(M11=0) WAIT"),
+        ("G01X5", "G1 X5"),
+        ('COMMANDP"#1J+"', 'CMDP"#1J+"'),
+        ('DISP"a"', 'DISPLAY"a"'),
+        ("DIS PLC 1..3", "DISABLE PLC 1,2,3"),
+        ("M 1 = = 5", "M1==5"),
+    ],
+)
+def test_each_statement_has_one_spelling_when_it_is_listed(text: str, canonical: str) -> None:
+    assert format_line(parse_line(text)) == canonical
+
+
+def test_behind_a_call_the_words_keep_their_order() -> None:
+    assert format_line(parse_line("X1 F5 G1 Y2 F100 Z3 X4")) == "F5 X1 G1 Y2 F100 Z3 X4"
+
+
+def test_normal_and_pset_take_the_words_behind_them_as_far_as_they_go() -> None:
+    assert axes_of("NORMAL K-1 X10 I5") == ["Normal", "XI"]
+    assert axes_of("PSET X10 Y5 F3 Z4") == ["Preset", "Set", "Z"]
+
+
 def test_a_statement_behind_a_condition_makes_it_single_line() -> None:
     condition = Comparison("!<", p(1), Number(5))
     x10 = Move((AxisWord("X", Number(10)),))
@@ -226,22 +264,58 @@ def test_a_wait_or_a_flow_word_ends_a_move() -> None:
         "WHILE(P1)",
         "WHILE(P1<=2)",
         "IF((P1=0) AND (P2=1))",
-        "WHILE(P1=0) WAIT",
         "X10:",
         "X1:2:3",
         "TA",
         "DWELL",
-        "SPLINE1",
+        "SPLINE",
         '"X1"',
         "X10,Y10",
         "X\x071",
+        "N-1",
+        "GOTO",
+        "CALL",
+        "HOME33",
+        "HOME3..1",
+        "PSET",
+        "PSET P1",
+        "NORMAL",
+        "NORMAL X1",
+        "FRAX(R)",
+        "INC(I)",
+        "SPLINE3",
+        "CIRCLE3",
+        "READ(TA)",
+        "ADDRESS#1",
+        "M1=",
+        "M1==",
+        "I100==1",
+        "Q1|=1",
     ],
 )
 def test_anything_else_is_a_data_error(text: str) -> None:
     assert refusal_of(text) == 3
 
 
-@pytest.mark.parametrize("text", ["J+", "F", "A", "B", "P1", "P(P1)", "I130..135", "M1->", "OPEN", "?", "", "Q"])
+ON_LINE = ["J+", "F", "A", "B", "P1", "P(P1)", "I130..135", "M1->", "OPEN", "?", "", "Q", "R", "S", "O", "HM", "K"]
+ON_LINE += [
+    "HOME",
+    "I100,3,2",
+    "M1..8",
+    "M1,3,2",
+    "M1->*",
+    "G",
+    "N",
+    "CMD",
+    "SEND",
+    "ENABLE",
+    "DATE",
+    "TYPE",
+    "#1",
+]
+
+
+@pytest.mark.parametrize("text", ON_LINE)
 def test_an_on_line_command_is_left_to_the_caller(text: str) -> None:
     scanner = Scanner(text)
     assert parse_statement(scanner) is None

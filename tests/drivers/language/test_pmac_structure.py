@@ -101,6 +101,13 @@ def test_an_implied_end_belongs_to_the_line_it_closes() -> None:
     assert code.instructions[2] == EndWhile()
 
 
+def test_labels_are_found_and_the_beginning_is_n0_unless_another_line_is() -> None:
+    code = code_of("X1\nN10 X2\nN10 X3\nIF(P1=0)\nN20 X4\nENDIF")
+    assert [code.find(label) for label in (10, 20, 0, 30)] == [1, 6, 0, None]
+    assert code_of("X1\nN0 X2").find(0) == 1
+    assert code_of("").find(0) == 0
+
+
 def test_the_empty_program_has_no_instructions() -> None:
     assert code_of("\n\n") == Code((), (), ())
 

@@ -3,40 +3,23 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Callable
-from typing import cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.language.expressions import COMPARATORS, FUNCTIONS, PRODUCTS, SUMS, negated
-from drivers.pmac.language.parser import AXES, gather_moves, parse_line
+from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.syntax import (
-    Assign,
     AxisWord,
     Binary,
-    Call,
     Comparison,
-    Condition,
-    Else,
-    EndIf,
-    EndWhile,
-    Expression,
     If,
     Junction,
     Line,
     Move,
     Number,
-    Positioning,
-    SelectMode,
     Set,
-    Statement,
-    Variable,
-    VariableKind,
-    Wait,
-    While,
 )
 from drivers.pmac.language.text import (
     format_condition,
@@ -46,79 +29,7 @@ from drivers.pmac.language.text import (
     format_number,
     format_program,
 )
-
-constants = (
-    st.integers(-(10**6), 10**6).map(float)
-    | st.decimals(-1000, 1000, places=4).map(float)
-    | st.floats(-1e15, 1e15, allow_nan=False)
-).map(lambda value: Number(value or 0.0))
-kinds = st.sampled_from(list(VariableKind))
-plain_variables = st.builds(lambda kind, n: Variable(kind, Number(float(n))), kinds, st.integers(0, 9999))
-
-
-def grow(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
-    return (
-        st.builds(Binary, st.sampled_from(SUMS + PRODUCTS), inner, inner)
-        | st.builds(Call, st.sampled_from(FUNCTIONS), inner)
-        | st.builds(negated, inner)
-        | st.builds(Variable, kinds, inner)
-    )
-
-
-expressions: st.SearchStrategy[Expression] = st.recursive(constants | plain_variables, grow, max_leaves=6)
-variables = st.builds(Variable, kinds, expressions)
-comparisons = st.builds(Comparison, st.sampled_from(COMPARATORS), expressions, expressions)
-
-
-def chain(operator: str) -> Callable[[list[Condition]], Condition]:
-    def fold(parts: list[Condition]) -> Condition:
-        joined = parts[0]
-        for part in parts[1:]:
-            joined = Junction(operator, joined, part)
-        return joined
-
-    return fold
-
-
-conjunctions = st.lists(comparisons, min_size=1, max_size=3).map(
-    lambda parts: chain("AND")(cast(list[Condition], parts))
-)
-conditions = st.lists(conjunctions, min_size=1, max_size=2).map(chain("OR"))
-axis_words = st.builds(AxisWord, st.sampled_from(AXES), expressions, st.none() | expressions)
-statements: st.SearchStrategy[Statement] = st.one_of(
-    st.builds(Assign, variables, expressions),
-    st.builds(Set, st.sampled_from(["TA", "TS", "TM", "F", "PVT"]), expressions),
-    st.just(SelectMode("LINEAR")),
-    st.builds(Positioning, st.booleans(), st.lists(st.sampled_from(AXES), max_size=3).map(tuple)),
-    axis_words.map(lambda word: Move((word,))),
-    st.builds(Wait, st.sampled_from(["DWELL", "DELAY"]), expressions),
-    st.builds(While, conditions),
-    st.builds(If, conditions),
-    st.just(EndWhile()),
-    st.just(Else()),
-    st.just(EndIf()),
-)
-
-
-def canonical(loose: list[Statement]) -> Line:
-    """Make a line as the parser would: moves joined, conditions inline unless they end the line."""
-    line = gather_moves(loose)
-    marked: list[Statement] = []
-    for place, statement in enumerate(line):
-        inline = place < len(line) - 1
-        match statement:
-            case While(condition):
-                marked.append(While(condition, inline))
-            case If(condition):
-                marked.append(If(condition, inline))
-            case Else():
-                marked.append(Else(inline))
-            case _:
-                marked.append(statement)
-    return tuple(marked)
-
-
-lines = st.lists(statements, max_size=5).map(canonical)
+from tests.drivers.language.trees import lines
 
 
 @given(lines)
@@ -130,11 +41,12 @@ def test_a_written_line_is_read_back_as_the_same_tree(line: Line) -> None:
 def test_case_and_white_space_between_symbols_change_nothing(line: Line, random: object) -> None:
     choice = random.choice  # type: ignore[attr-defined]
     text = format_line(line)
-    loose = ""
+    loose, quoted_text = "", False
     for here, following in zip(text, f"{text} "[1:], strict=True):
-        loose += choice([here.upper(), here.lower()])
-        # Inside a number white space would end it.
-        if not (here in string.digits + "." and following in string.digits + "."):
+        quoted_text ^= here == '"'
+        loose += here if quoted_text else choice([here.upper(), here.lower()])
+        # Inside a number white space would end it, inside quotes it is text.
+        if not quoted_text and not (here in string.digits + "." and following in string.digits + "."):
             loose += choice(["", "", " ", "\t", "  "])
     assert parse_line(loose + choice(["", ";", " ; X1 (", ";\xb0\x00"])) == line
 
@@ -154,6 +66,7 @@ def test_any_bytes_are_read_or_refused(noise: bytes) -> None:
 
 
 fragments = ["P1", "=", "X", "(", ")", "10", ".5", "$F", "-", "WHILE", "IF", "ELSE", "ENDW", "AND", "OR", "<"]
+fragments += ["G1", "CALL", "READ", "RET", "N", "PSET", "HOME", "CMD", "SEND^", "I5", "K", "PLC", "ENA", "..", "S"]
 fragments += ["TA", "F", "INC", ":", ",", "SIN", "*", "&", " ", "M", "~", "!", "DWELL", '"', "1e5", "9" * 30]
 
 
@@ -204,6 +117,23 @@ def test_a_constant_is_written_without_loss(value: float) -> None:
         "INC(X,Y)",
         "PVT20 X10:-5 Y(P1):(P2)",
         "P1=SIN(30)*ATAN2(P5)",
+        "NORMAL K-1",
+        "CIRCLE1 X10 Y(P1) I5 J-2.5",
+        "X10 R-4",
+        "K33.333",
+        "FRAX(X,Y)",
+        "INC(R)",
+        "PSET X0 Y(P1)",
+        "HOMEZ1,2,3",
+        "WHILE(M11=0) WAIT",
+        "N101 X5 RETURN",
+        "GOSUB(P1) GOTO20",
+        "CALL500.1 X10 Y5 F3 Z7",
+        "G4 P2000 M3 S1800",
+        "READ(X,Y,P)",
+        'CMD"&1A;" CMD^A SENDS"Part done" DISPLAY8"P 1"',
+        "DISABLE PLC 1,2,3",
+        "M1==1 M2&=254 M(P1)^=3",
     ],
 )
 def test_canonical_text_is_written_as_it_was_read(text: str) -> None:

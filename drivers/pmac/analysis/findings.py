@@ -1,0 +1,93 @@
+"""What the checker can say of a program: codes with numbers. Their words are the console's (`check.<code>`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum, auto
+
+Value = float | str
+
+
+class Level(StrEnum):
+    """How bad it is.
+
+    A fault: the controller refuses or stops it, or the machine is driven where it must not go. A warning: it runs
+    and does something else than it says. A notice: worth knowing.
+    """
+
+    FAULT = auto()
+    WARNING = auto()
+    NOTICE = auto()
+
+
+class Code(StrEnum):
+    """Every finding."""
+
+    LINE_REFUSED = auto()
+    RUN_TIME_ERROR = auto()
+    BEYOND_LIMIT = auto()
+    BEYOND_TRAVEL = auto()
+    TOO_FAST = auto()
+    ACCELERATION_OVER_ENCODER = auto()
+    FORCE_OVER_DRIVE = auto()
+    SPEED_OVER_SPINDLE = auto()
+    TORQUE_OVER_SPINDLE = auto()
+    PLUNGE = auto()
+    ENDS_DEEPER = auto()
+    STRETCHED = auto()
+    STRETCHED_BY_VELOCITY = auto()
+    STRETCHED_BY_ACCELERATION = auto()
+    S_CURVE_RULES = auto()
+    RAMP_LENGTHENED = auto()
+    RAMP_SHORTENED = auto()
+    TIME_BELOW_INTERRUPT = auto()
+    TIME_ROUNDED = auto()
+    STROKE_LOST = auto()
+    ONE_SIDED = auto()
+    DWELL_IN_CUT = auto()
+    STOP_IN_CUT = auto()
+    FEEDRATE_IN_CUT = auto()
+    SPEED_CHANGES = auto()
+    DRIFT = auto()
+    NO_WHOLE_LOBES = auto()
+    ENDLESS_LOOP = auto()
+    ENDLESS_WITHOUT_FLAG = auto()
+    WAITS_FOR_FLAG = auto()
+    TOO_LONG = auto()
+    NO_MOTION = auto()
+
+
+class Said(StrEnum):
+    """Every sentence of the explanation."""
+
+    TOLD = auto()
+    TOLD_WITHOUT_TIME = auto()
+    ACCELERATION_TIME = auto()
+    MOVE_STRETCHED = auto()
+    SLOWED_DOWN = auto()
+    SPEED_MADE = auto()
+    STROKE_MADE = auto()
+    LEFT_BY_BLENDING = auto()
+    LEFT_WITH_THE_SERVO = auto()
+    TIMES_FOR_THE_SPEED = auto()
+    TIMES_FOR_THE_STROKE = auto()
+    STROKE_THAT_MAKES_UP = auto()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing found. `lines` are those of the file, from 1, none where it is about the whole program."""
+
+    code: Code
+    level: Level
+    lines: tuple[int, ...] = ()
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sentence:
+    """One sentence of an explanation."""
+
+    code: Said
+    values: Mapping[str, Value] = field(default_factory=dict)

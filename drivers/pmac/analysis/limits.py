@@ -1,0 +1,154 @@
+"""Findings about limits: those that the controller has in its variables, and those of the machine itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
+from drivers.pmac.analysis.subject import Subject
+
+_ROUNDING = 1e-9
+
+
+def limit_findings(subject: Subject) -> list[Finding]:
+    """Return what goes beyond a limit; 0 in a variable is no limit."""
+    findings: list[Finding] = []
+    for index, motor in enumerate(subject.walk.motors):
+        findings += _position(subject, index, motor)
+        findings += _velocity(subject, index, motor)
+    return [*findings, *_tool(subject), *_spindle(subject), *_jaws(subject)]
+
+
+def _position(subject: Subject, index: int, motor: int) -> list[Finding]:
+    """Ix13 and Ix14, the software limits: the card stops everything there."""
+    lowest, highest = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
+    high, low = subject.setting(motor, 13), subject.setting(motor, 14)
+    findings = []
+    for number, limit, reached, beyond in ((13, high, highest, 1.0), (14, low, lowest, -1.0)):
+        if limit and beyond * (reached - limit) > _ROUNDING * abs(limit):
+            first = [move for move in subject.moves if beyond * (move.motors[index].target - limit) > 0.0][:1]
+            values: dict[str, Value] = {
+                "motor": motor,
+                "variable": f"I{motor}{number}",
+                "counts": reached,
+                "limit": limit,
+            }
+            findings.append(_fault(subject, Code.BEYOND_LIMIT, first, values))
+    return findings
+
+
+def _velocity(subject: Subject, index: int, motor: int) -> list[Finding]:
+    """Ix16, which does not guard every mode."""
+    limit = subject.setting(motor, 16)
+    fast = [move for move in subject.moves if move.mode != "RAPID" and _over(_peak(move, index), limit)]
+    if not fast:
+        return []
+    values: dict[str, Value] = {
+        "motor": motor,
+        "variable": f"I{motor}16",
+        "counts_per_ms": max(_peak(move, index) for move in fast),
+        "limit": limit,
+    }
+    return [_fault(subject, Code.TOO_FAST, fast, values)]
+
+
+def _tool(subject: Subject) -> list[Finding]:
+    if subject.tool is None:
+        return []
+    tool, index = subject.machine.tool, subject.tool
+    per_mm = tool.counts_per_mm
+
+    def speed_mm_per_s(motor: MotorMove) -> float:
+        return 1000.0 * motor.peaks.velocity / per_mm
+
+    def acceleration_m_per_s2(motor: MotorMove) -> float:
+        return 1000.0 * motor.peaks.acceleration / per_mm
+
+    def force_n(motor: MotorMove) -> float:
+        damping_n = tool.damping_n_s_per_m * speed_mm_per_s(motor) / 1000.0
+        return tool.moving_mass_kg * acceleration_m_per_s2(motor) + damping_n
+
+    return [
+        *_above(
+            subject,
+            index,
+            Code.ACCELERATION_OVER_ENCODER,
+            acceleration_m_per_s2,
+            tool.encoder_max_acceleration_m_per_s2,
+        ),
+        *_above(subject, index, Code.FORCE_OVER_DRIVE, force_n, tool.peak_force_n),
+        *_travel(subject, index, per_mm, (tool.travel_min_mm, tool.travel_max_mm)),
+    ]
+
+
+def _spindle(subject: Subject) -> list[Finding]:
+    if subject.spindle is None:
+        return []
+    spindle, index = subject.machine.spindle, subject.spindle
+    turn = spindle.counts_per_rev
+
+    def speed_rpm(motor: MotorMove) -> float:
+        return subject.rpm(motor.peaks.velocity)
+
+    def torque_n_m(motor: MotorMove) -> float:
+        return spindle.inertia_kg_m2 * motor.peaks.acceleration / turn * 1e6 * math.tau
+
+    return [
+        *_above(subject, index, Code.SPEED_OVER_SPINDLE, speed_rpm, spindle.max_speed_rpm),
+        *_above(subject, index, Code.TORQUE_OVER_SPINDLE, torque_n_m, spindle.peak_torque_n_m),
+    ]
+
+
+def _jaws(subject: Subject) -> list[Finding]:
+    """The carriage with the tool on it stays clear of the jaws."""
+    if subject.carriage is None:
+        return []
+    carriage = subject.machine.carriage
+    nearest_mm = carriage.jaw_face_mm - carriage.jaw_clearance_mm
+    limits = (carriage.travel_min_mm, min(nearest_mm, carriage.travel_max_mm))
+    return _travel(subject, subject.carriage, carriage.counts_per_mm, limits)
+
+
+def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float, float]) -> list[Finding]:
+    """The iron's own ends, where the controller's limits do not come first."""
+    findings = []
+    ends = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
+    for limit_mm, reached, beyond in zip(limits_mm, ends, (-1.0, 1.0), strict=True):
+        reached_mm = reached / per_mm
+        guarded = subject.setting(subject.walk.motors[index], 13 if beyond > 0.0 else 14)
+        caught = guarded and beyond * (reached - guarded) > 0.0
+        if beyond * (reached_mm - limit_mm) > _ROUNDING and not caught:
+            targets = [(beyond * (move.motors[index].target / per_mm - limit_mm), move) for move in subject.moves]
+            first = [move for over_mm, move in targets if over_mm > 0.0][:1]
+            values: dict[str, Value] = {
+                "motor": subject.walk.motors[index],
+                "mm": reached_mm,
+                "limit_mm": limit_mm,
+            }
+            findings.append(_fault(subject, Code.BEYOND_TRAVEL, first, values))
+    return findings
+
+
+def _above(
+    subject: Subject, index: int, code: Code, quantity: Callable[[MotorMove], float], limit: float
+) -> list[Finding]:
+    high = [move for move in subject.moves if _over(quantity(move.motors[index]), limit)]
+    if not high:
+        return []
+    worst = max(quantity(move.motors[index]) for move in high)
+    values: dict[str, Value] = {"motor": subject.walk.motors[index], "value": worst, "limit": limit}
+    return [Finding(code=code, level=Level.WARNING, lines=subject.lines(high), values=values)]
+
+
+def _peak(move: MoveAnalysis, index: int) -> float:
+    return move.motors[index].peaks.velocity
+
+
+def _over(value: float, limit: float) -> bool:
+    return 0.0 < limit < value * (1.0 - _ROUNDING)
+
+
+def _fault(subject: Subject, code: Code, found: list[MoveAnalysis], values: dict[str, Value]) -> Finding:
+    return Finding(code=code, level=Level.FAULT, lines=subject.lines(found), values=values)

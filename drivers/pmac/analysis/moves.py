@@ -1,0 +1,245 @@
+"""Every move of a walk, as commanded and as it really is. Positions are counts, times ms.
+
+A blended move does not reach its programmed point. What counts as reached is where the motor turns round, if it
+does so at the end of the move; otherwise where it is at the nominal end. A move that is not blended into another
+reaches its point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from drivers.pmac.analysis.step import SAME_COUNTS, Step
+from drivers.pmac.analysis.timeline import Peaks, Timeline
+from drivers.pmac.analysis.walk import Walk
+from drivers.pmac.requests import CircleRequest, LinearRequest, RapidRequest, Request, SplineRequest
+from drivers.pmac.trajectory.linear import Timing
+from drivers.pmac.trajectory.pieces import Vector
+from drivers.pmac.trajectory.planned import MoveRecord
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorMove:
+    """One motor in one move, counts: `commanded` is its way between programmed points, `made` between reached.
+
+    `turns` says that it turns round at the end of the move.
+    """
+
+    motor: int
+    target: float
+    commanded: float
+    reached: float
+    made: float
+    turns: bool
+    peaks: Peaks
+
+    @property
+    def lost(self) -> float:
+        """How much shorter the way was than commanded; below 0 it was longer."""
+        return abs(self.commanded) - abs(self.made)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MoveAnalysis:
+    """One move, from its nominal beginning to its nominal end; `motors` in the order of the walk.
+
+    `number` counts the moves, `step` is its place in the walk, `line` that in the program, both from 0. `mode` is
+    LINEAR, RAPID, SPLINE, PVT or CIRCLE. TA and TS of `asked` and `used` are 0 where the mode has none.
+    """
+
+    number: int
+    step: int
+    program: int
+    line: int
+    mode: str
+    by_move_time: bool
+    asked: Timing
+    used: Timing
+    begins_ms: float
+    ends_ms: float
+    blended: bool
+    motors: tuple[MotorMove, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Nominal:
+    """Where a move lies in time; the change into it takes `ramp_ms`, centred on its beginning.
+
+    `follows` says that it is blended into by the move before it.
+    """
+
+    place: int
+    step: Step
+    record: MoveRecord
+    used: Timing
+    begins_ms: float
+    ends_ms: float
+    ramp_ms: float
+    follows: bool
+
+    @property
+    def starts_ms(self) -> float:
+        """When the first motion of it comes."""
+        return self.begins_ms - 0.5 * self.ramp_ms
+
+
+def analyse_moves(walk: Walk, timeline: Timeline) -> tuple[MoveAnalysis, ...]:
+    """Return the analysis of every move of a walk."""
+    nominal = _nominal(walk)
+    followers: list[_Nominal | None] = [*nominal[1:], None][: len(nominal)]
+    moves: list[MoveAnalysis] = []
+    before = came_from = walk.start
+    for move, after in zip(nominal, followers, strict=True):
+        if not move.follows:
+            before = came_from = _standing(walk, move, before)
+        blended = after is not None and after.follows
+        ends = _ends(timeline, move, after if blended else None)
+        reached = tuple(place for place, _ in ends)
+        window = (
+            move.begins_ms if move.follows else move.starts_ms,
+            move.ends_ms if blended else (after.starts_ms if after else timeline.ends_ms),
+        )
+        motors = tuple(
+            MotorMove(
+                motor=motor,
+                target=move.record.target[index],
+                commanded=move.record.target[index] - before[index],
+                reached=reached[index],
+                made=reached[index] - came_from[index],
+                turns=ends[index][1],
+                peaks=timeline.peaks(index, *window),
+            )
+            for index, motor in enumerate(walk.motors)
+        )
+        moves.append(_analysis(len(moves), move, blended, motors))
+        before, came_from = move.record.target, reached
+    return tuple(moves)
+
+
+def _analysis(number: int, move: _Nominal, blended: bool, motors: tuple[MotorMove, ...]) -> MoveAnalysis:
+    return MoveAnalysis(
+        number=number,
+        step=move.place,
+        program=move.step.program,
+        line=move.record.line,
+        mode=mode_of(move.step.request),
+        by_move_time=move.step.by_move_time,
+        asked=move.record.asked,
+        used=move.used,
+        begins_ms=move.begins_ms,
+        ends_ms=move.ends_ms,
+        blended=blended,
+        motors=motors,
+    )
+
+
+def mode_of(request: Request) -> str:
+    """Return the move mode of a request, in the words of the language."""
+    match request:
+        case LinearRequest():
+            return "LINEAR"
+        case RapidRequest():
+            return "RAPID"
+        case SplineRequest():
+            return "SPLINE"
+        case CircleRequest():
+            return "CIRCLE"
+        case _:
+            return "PVT"
+
+
+def _nominal(walk: Walk) -> list[_Nominal]:
+    nominal: list[_Nominal] = []
+    for place, step in enumerate(walk.steps):
+        if step.planned.record is not None:
+            before = nominal[-1] if nominal and nominal[-1].place == place - 1 else None
+            nominal.append(_lain(place, step, step.planned.record, before))
+    return nominal
+
+
+def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -> _Nominal:
+    """Return where a move lies; `before` is the move in front of it, when nothing stands between them."""
+    mode, used = mode_of(step.request), record.timing or record.asked
+    ramp_ms = used.ta_ms if mode in _RAMPED else 0.0
+    if mode in _RAMPED:
+        begins_ms = _ramp_begins_ms(step) + 0.5 * ramp_ms
+    elif mode == "SPLINE":
+        # A segment is laid when the next point is known: the motion of this step ends where its own begins.
+        begins_ms = step.ends_ms
+    elif mode == "RAPID":
+        begins_ms = _last_motion_ms(step)
+        used = replace(used, tm_ms=step.ends_ms - begins_ms)
+    else:
+        begins_ms = step.ends_ms - used.tm_ms
+    follows = before is not None and _blends(before, mode, begins_ms)
+    if before is not None and follows:
+        begins_ms = before.ends_ms
+    return _Nominal(
+        place=place,
+        step=step,
+        record=record,
+        used=used,
+        begins_ms=begins_ms,
+        ends_ms=begins_ms + used.tm_ms,
+        ramp_ms=ramp_ms,
+        follows=follows,
+    )
+
+
+def _blends(before: _Nominal, mode: str, begins_ms: float) -> bool:
+    """Return whether a move goes on without a stop: of the same kind, and beginning where the other ends."""
+    kind = mode_of(before.step.request)
+    alike = kind == mode != "RAPID" or (kind in _RAMPED and mode in _RAMPED)
+    # With Ix92 the step of the move before holds its stop, too.
+    stopped = kind in _RAMPED and before.step.ends_ms > before.ends_ms + _TOUCHING_MS
+    return alike and not stopped and abs(begins_ms - before.ends_ms) < _TOUCHING_MS
+
+
+_TOUCHING_MS = 1e-6
+"""Two moves touch when one begins where the other nominally ends, but for rounding."""
+
+_RAMPED = ("LINEAR", "CIRCLE")
+"""Modes whose moves are blended by ramps of TA and TS."""
+
+
+def _ramp_begins_ms(step: Step) -> float:
+    """Return when the ramp into the move of a step begins: the piece at which the next move is calculated."""
+    instant = step.begins_ms
+    for piece in step.planned.pieces:
+        if piece.calculates:
+            return instant
+        instant += piece.duration_ms
+    return step.begins_ms
+
+
+def _last_motion_ms(step: Step) -> float:
+    """Return when the last motion of a step begins: behind the rest in front of it, if there is one."""
+    instant = step.ends_ms
+    for piece in reversed(step.planned.pieces):
+        if not any(any(cubic[1:]) for cubic in piece.cubics):
+            return instant
+        instant -= piece.duration_ms
+    return instant
+
+
+def _standing(walk: Walk, move: _Nominal, before: Vector) -> Vector:
+    """Return where the motors stand before a move from rest: at the last target, or where an event put them."""
+    between = walk.steps[: move.place]
+    return between[-1].at if between and between[-1].planned.record is None else before
+
+
+def _ends(timeline: Timeline, move: _Nominal, after: _Nominal | None) -> list[tuple[float, bool]]:
+    """Return the point that each motor reaches, and whether it turns there; `after` blends out of the move."""
+    if after is None:
+        return [(target, False) for target in move.record.target]
+    half_ms = 0.5 * (after.ramp_ms or min(move.used.tm_ms, after.used.tm_ms))
+    begin_ms, end_ms = move.ends_ms - half_ms, move.ends_ms + half_ms
+    ends = []
+    for index in range(len(move.record.target)):
+        arriving, leaving = timeline.velocity(index, begin_ms), timeline.velocity(index, end_ms)
+        # A motor that rests has the rounding of the arithmetic as its velocity.
+        turns = arriving * leaving < 0.0 and min(abs(arriving), abs(leaving)) * half_ms > SAME_COUNTS
+        lowest, highest = timeline.extent(index, begin_ms, end_ms) if turns else (0.0, 0.0)
+        reached = highest if arriving > 0.0 else lowest
+        ends.append((reached if turns else timeline.position(index, move.ends_ms), turns))
+    return ends

@@ -1,0 +1,124 @@
+"""A program checked as a whole: what a stranger's text does on a machine, and what is to be said of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.pmac.analysis.explanation import explain
+from drivers.pmac.analysis.findings import Finding, Level, Sentence
+from drivers.pmac.analysis.flow import flow_findings
+from drivers.pmac.analysis.limits import limit_findings
+from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
+from drivers.pmac.analysis.path import path_findings
+from drivers.pmac.analysis.rounding import rounding_findings
+from drivers.pmac.analysis.source import with_times
+from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.analysis.synchronism import synchronism_findings
+from drivers.pmac.analysis.timeline import Timeline
+from drivers.pmac.analysis.timing import timing_findings
+from drivers.pmac.analysis.walk import walk
+from drivers.pmac.analysis.zigzag import find_zigzag
+from drivers.pmac.axes import AxisDefinition, read_definitions
+from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
+from drivers.pmac.settings import settings_with
+from profiles.machine import MachineProfile
+
+_ORDER = list(Level)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramCheck:
+    """What a program does on motors that stand at home. Findings stand with the worst first.
+
+    `places` are the lines of the text, from 1, of the moves.
+    """
+
+    number: int
+    motors: tuple[int, ...]
+    moves: tuple[MoveAnalysis, ...]
+    places: tuple[int, ...]
+    duration_ms: float
+    findings: tuple[Finding, ...]
+    explanation: tuple[Sentence, ...]
+
+    @property
+    def worst(self) -> Level | None:
+        """The worst level that was found."""
+        return self.findings[0].level if self.findings else None
+
+
+def check_program(
+    text: str, machine: MachineProfile, ta_ms: float | None = None, ts_ms: float | None = None
+) -> ProgramCheck:
+    """Check a text on a machine whose motors stand at home; `ta_ms` and `ts_ms` replace those of the text.
+
+    Raises:
+        PmacError: the controller refuses the program as a whole.
+    """
+    refused: list[RefusedLine] = []
+    read = with_times(read_program(text, refused), ta_ms, ts_ms)
+    subject = _subject(read, machine, ta_ms, ts_ms)
+    zigzag = find_zigzag(subject)
+    findings = [
+        *flow_findings(subject, refused),
+        *rounding_findings(subject, read),
+        *limit_findings(subject),
+        *timing_findings(subject),
+        *path_findings(subject, zigzag),
+        *synchronism_findings(subject),
+    ]
+    return ProgramCheck(
+        number=read.number,
+        motors=subject.walk.motors,
+        moves=subject.moves,
+        places=tuple(_place(read, move.program, move.line) for move in subject.moves),
+        duration_ms=subject.timeline.ends_ms,
+        findings=tuple(sorted(findings, key=lambda finding: _ORDER.index(finding.level))),
+        explanation=explain(subject, zigzag),
+    )
+
+
+def _subject(text: ProgramText, machine: MachineProfile, ta_ms: float | None, ts_ms: float | None) -> Subject:
+    definitions = _definitions(text, machine)
+    dialect = DIALECTS[machine.controller.family]
+    walked = walk(
+        text,
+        _settings(machine, dialect, ta_ms, ts_ms),
+        definitions,
+        {definition.motor: 0.0 for definition in definitions},
+        counts_per_turn={machine.spindle.motor: float(machine.spindle.counts_per_rev)},
+        dialect=dialect,
+    )
+    timeline = Timeline(walked.pieces)
+    return Subject(
+        machine=machine,
+        walk=walked,
+        timeline=timeline,
+        moves=analyse_moves(walked, timeline),
+        place_of=lambda program, line: _place(text, program, line),
+    )
+
+
+def _settings(
+    machine: MachineProfile, dialect: Dialect, ta_ms: float | None, ts_ms: float | None
+) -> dict[int, float]:
+    """Return the I-variables; the times hold for a program that names none, too."""
+    settings = settings_with(machine.controller.variables, dialect)
+    for number, ms in ((87, ta_ms), (88, ts_ms)):
+        if ms is not None:
+            settings[dialect.system_index(1, number)] = float(ms)
+    return settings
+
+
+def _definitions(text: ProgramText, machine: MachineProfile) -> tuple[AxisDefinition, ...]:
+    """Return the axes of the machine, with those of the text in their place; each motor has one definition."""
+    own = read_definitions(machine.controller.axis_definitions)
+    by_motor = {definition.motor: definition for definition in (*own, *text.definitions)}
+    return tuple(by_motor.values())
+
+
+def _place(text: ProgramText, program: int, line: int) -> int:
+    """Return the line of the text, from 1, of a line of a program."""
+    places = text.places.get(program, ())
+    return places[line] if line < len(places) else 0

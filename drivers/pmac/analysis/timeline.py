@@ -1,0 +1,125 @@
+"""A whole motion on one time axis: where a motor is at an instant, and its extremes between two instants.
+
+Everything is exact from the cubics; nothing is sampled. Positions are counts, times ms from the start.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
+
+_SAME = 1e-9
+"""Share of the greatest acceleration below which a jump of it is the rounding of the arithmetic."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peaks:
+    """Greatest absolute values: counts/ms, counts/ms^2, counts/ms^3.
+
+    The jerk is None where the acceleration jumps: there it has no value.
+    """
+
+    velocity: float
+    acceleration: float
+    jerk: float | None
+
+
+class Timeline:
+    """The pieces of a motion in their order; `begins_ms[i]` is the start of piece i."""
+
+    def __init__(self, pieces: Sequence[Piece]) -> None:
+        self.pieces = tuple(pieces)
+        begins, instant = [], 0.0
+        for piece in self.pieces:
+            begins.append(instant)
+            instant += piece.duration_ms
+        self.begins_ms = tuple(begins)
+        self.ends_ms = instant
+
+    def position(self, index: int, instant_ms: float) -> float:
+        """Return where the motor of place `index` is; before the start and after the end it stands."""
+        place = self._place(instant_ms)
+        piece = self.pieces[place]
+        inside_ms = min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
+        return position_at(piece.cubics[index], inside_ms)
+
+    def velocity(self, index: int, instant_ms: float) -> float:
+        """Return the velocity of a motor, counts/ms."""
+        place = self._place(instant_ms)
+        piece = self.pieces[place]
+        inside_ms = min(max(instant_ms - self.begins_ms[place], 0.0), piece.duration_ms)
+        return velocity_at(piece.cubics[index], inside_ms)
+
+    def extent(self, index: int, from_ms: float, to_ms: float) -> tuple[float, float]:
+        """Return the lowest and the highest position of a motor between two instants."""
+        values = [self.position(index, from_ms), self.position(index, to_ms)]
+        for piece, begin_ms, end_ms in self._between(from_ms, to_ms):
+            cubic = piece.cubics[index]
+            turning = (t for t in turning_points(cubic) if begin_ms < t < end_ms)
+            values += [position_at(cubic, t) for t in (begin_ms, end_ms, *turning)]
+        return min(values), max(values)
+
+    def peaks(self, index: int, from_ms: float, to_ms: float) -> Peaks:
+        """Return the greatest velocity, acceleration and jerk of a motor between two instants."""
+        velocity = acceleration = jerk = jump = 0.0
+        before = self._acceleration_before(index, from_ms)
+        for piece, begin_ms, end_ms in self._between(from_ms, to_ms):
+            cubic = piece.cubics[index]
+            velocity = max(velocity, *(abs(velocity_at(cubic, t)) for t in _fastest(cubic, begin_ms, end_ms)))
+            first, last = acceleration_at(cubic, begin_ms), acceleration_at(cubic, end_ms)
+            acceleration = max(acceleration, abs(first), abs(last))
+            jerk = max(jerk, 6.0 * abs(cubic[3]))
+            jump = max(jump, abs(first - before))
+            before = last
+        if to_ms >= self.ends_ms:
+            jump = max(jump, abs(before))
+        jumps = jump > _SAME * acceleration
+        return Peaks(velocity=velocity, acceleration=acceleration, jerk=None if jumps else jerk)
+
+    def _acceleration_before(self, index: int, instant_ms: float) -> float:
+        """Return the acceleration just before an instant; before the start there was rest."""
+        place = bisect_left(self.begins_ms, instant_ms) - 1
+        if place < 0:
+            return 0.0
+        piece = self.pieces[place]
+        return acceleration_at(piece.cubics[index], min(instant_ms - self.begins_ms[place], piece.duration_ms))
+
+    def _place(self, instant_ms: float) -> int:
+        return max(0, bisect_right(self.begins_ms, instant_ms) - 1)
+
+    def _between(self, from_ms: float, to_ms: float) -> Iterator[tuple[Piece, float, float]]:
+        """Yield the pieces that touch a stretch, each with the part of it that lies inside, from its own start."""
+        for place in range(self._place(from_ms), len(self.pieces)):
+            piece, begins_ms = self.pieces[place], self.begins_ms[place]
+            if begins_ms >= to_ms:
+                return
+            begin_ms, end_ms = max(from_ms - begins_ms, 0.0), min(to_ms - begins_ms, piece.duration_ms)
+            if end_ms > begin_ms:
+                yield piece, begin_ms, end_ms
+
+
+def acceleration_at(cubic: Cubic, t_ms: float) -> float:
+    """Return the acceleration in counts/ms^2, `t_ms` after the start of the piece."""
+    return 6.0 * cubic[3] * t_ms + 2.0 * cubic[2]
+
+
+def turning_points(cubic: Cubic) -> tuple[float, ...]:
+    """Return the instants, inside the piece or not, at which the velocity is zero."""
+    _, c1, c2, c3 = cubic
+    if c3 == 0.0:
+        return (-c1 / (2.0 * c2),) if c2 else ()
+    discriminant = c2 * c2 - 3.0 * c1 * c3
+    if discriminant < 0.0:
+        return ()
+    root = discriminant**0.5
+    return ((-c2 + root) / (3.0 * c3), (-c2 - root) / (3.0 * c3))
+
+
+def _fastest(cubic: Cubic, begin_ms: float, end_ms: float) -> tuple[float, ...]:
+    """Return the instants at which a cubic can be fastest: its ends, and where the acceleration is zero."""
+    _, _, c2, c3 = cubic
+    instant = -c2 / (3.0 * c3) if c3 else begin_ms
+    return (begin_ms, end_ms, instant) if begin_ms < instant < end_ms else (begin_ms, end_ms)

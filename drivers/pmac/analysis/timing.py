@@ -1,0 +1,83 @@
+"""Findings about times: what the controller makes of TA, TS, TM and F, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.moves import MoveAnalysis
+from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.settings import servo_cycle_ms
+
+_RAMPED = ("LINEAR", "CIRCLE")
+
+
+def timing_findings(subject: Subject) -> list[Finding]:
+    """Return the findings about times, alike ones of several lines as one."""
+    grouped: dict[str, tuple[Code, dict[str, Value], list[MoveAnalysis]]] = {}
+    for move in subject.moves:
+        if move.mode in _RAMPED:
+            for code, values in _of_move(subject, move):
+                _, _, alike = grouped.setdefault(_key(code, values), (code, values, []))
+                alike.append(move)
+    return [
+        Finding(
+            code=code,
+            level=_LEVELS.get(code, Level.NOTICE),
+            lines=subject.lines(moves),
+            values={**values, "moves": len(moves)},
+        )
+        for code, values, moves in grouped.values()
+    ]
+
+
+_LEVELS = {
+    Code.STRETCHED: Level.WARNING,
+    Code.STRETCHED_BY_VELOCITY: Level.WARNING,
+    Code.STRETCHED_BY_ACCELERATION: Level.WARNING,
+    Code.TIME_BELOW_INTERRUPT: Level.WARNING,
+}
+
+
+def _of_move(subject: Subject, move: MoveAnalysis) -> Iterator[tuple[Code, dict[str, Value]]]:
+    asked, used = move.asked, move.used
+    acceleration_ms = max(asked.ta_ms, 2.0 * asked.ts_ms)
+    if acceleration_ms > asked.ta_ms:
+        yield Code.S_CURVE_RULES, {"ta_ms": asked.ta_ms, "ts_ms": asked.ts_ms, "used_ms": acceleration_ms}
+    least_ms = interrupt_ms(subject)
+    if move.by_move_time and 0.0 < asked.tm_ms < least_ms:
+        yield Code.TIME_BELOW_INTERRUPT, {"tm_ms": asked.tm_ms, "interrupt_ms": least_ms}
+    if _longer(used.tm_ms, asked.tm_ms) and asked.tm_ms > 0.0:
+        yield _stretch(subject, move, acceleration_ms)
+    if _longer(used.ta_ms, acceleration_ms) and not _longer(used.tm_ms, asked.tm_ms):
+        yield Code.RAMP_LENGTHENED, {"ta_ms": acceleration_ms, "used_ms": used.ta_ms}
+    if _longer(acceleration_ms, used.ta_ms):
+        yield Code.RAMP_SHORTENED, {"ta_ms": acceleration_ms, "used_ms": used.ta_ms}
+
+
+def interrupt_ms(subject: Subject) -> float:
+    """Return the time of a real-time interrupt, in which the controller computes moves."""
+    variables = subject.walk.variables
+    return (variables.i(8) + 1.0) * servo_cycle_ms(variables.i(10))
+
+
+def _stretch(subject: Subject, move: MoveAnalysis, acceleration_ms: float) -> tuple[Code, dict[str, Value]]:
+    """Return why a move takes longer than it was told to."""
+    times: dict[str, Value] = {"asked_ms": move.asked.tm_ms, "used_ms": move.used.tm_ms}
+    if math.isclose(move.used.tm_ms, acceleration_ms, rel_tol=1e-9):
+        return Code.STRETCHED, times
+    for motor in move.motors:
+        limit = subject.setting(motor.motor, 16)
+        if limit > 0.0 and math.isclose(abs(motor.commanded) / limit, move.used.tm_ms, rel_tol=1e-9):
+            return Code.STRETCHED_BY_VELOCITY, {**times, "variable": f"I{motor.motor}16", "limit": limit}
+    return Code.STRETCHED_BY_ACCELERATION, times
+
+
+def _key(code: Code, values: dict[str, Value]) -> str:
+    """What makes two findings one: numbers that differ by their rounding alone are the same."""
+    return " ".join([code, *(value if isinstance(value, str) else f"{value:.9g}" for value in values.values())])
+
+
+def _longer(one_ms: float, other_ms: float) -> bool:
+    return one_ms > other_ms * (1.0 + 1e-9)

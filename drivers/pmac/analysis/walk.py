@@ -1,0 +1,288 @@
+"""A program walked through step by step, with axes that follow exactly, by the rules that execute it.
+
+What ends a walk: the end of the program, a run-time error, or `MOST_STEPS`. A loop that nothing in the program
+ends is watched for a while; then its flag is set, as a host would do, and the walk goes on behind it. Where there
+is no flag to set, the walk ends there.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum, auto
+
+from drivers.pmac.analysis.endless import Circle, EndlessWatch, Turning
+from drivers.pmac.analysis.loops import Name, find_loops, way_out
+from drivers.pmac.analysis.step import Step
+from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
+from drivers.pmac.dialect import PMAC, Dialect
+from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.run import ProgramRun
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.evaluate import evaluate
+from drivers.pmac.language.structure import link
+from drivers.pmac.language.syntax import Assign, VariableKind
+from drivers.pmac.program_text import ProgramText
+from drivers.pmac.requests import Finished, HomeRequest, PresetRequest, Request
+from drivers.pmac.trajectory.pieces import Piece, Vector, constant, position_at
+from drivers.pmac.trajectory.planned import Event, Planned
+from drivers.pmac.trajectory.planner import MotionPlanner
+from drivers.pmac.variables import MODAL_NUMBERS, VariableStore
+
+MOST_STEPS = 20_000
+"""Requests of a program that are looked at."""
+
+
+class Ending(StrEnum):
+    """How a walk ended: behind the last line, with a run-time error, in a circle, or because it was too long."""
+
+    FINISHED = auto()
+    ERROR = auto()
+    ENDLESS = auto()
+    TOO_LONG = auto()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Left:
+    """An endless loop: left by setting `flags` behind step number `step`; without flags it was not left."""
+
+    circle: Circle
+    line: int
+    step: int
+    flags: Mapping[Name, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Walk:
+    """What program `number` did. Vectors are in the order of `motors`; `error` is what ended it at run time."""
+
+    number: int
+    motors: tuple[int, ...]
+    start: Vector
+    steps: tuple[Step, ...]
+    left: tuple[Left, ...]
+    ending: Ending
+    error: PmacError | None
+    variables: VariableStore
+
+    @property
+    def pieces(self) -> list[Piece]:
+        """The whole motion; where nothing moves, one piece without a time."""
+        pieces = [piece for step in self.steps for piece in step.planned.pieces]
+        return pieces or [constant(self.start, tuple(0.0 for _ in self.start), 0.0)]
+
+
+def walk(
+    text: ProgramText,
+    i_variables: Mapping[int, float],
+    definitions: Sequence[AxisDefinition],
+    start: Mapping[int, float],
+    *,
+    counts_per_turn: Mapping[int, float] | None = None,
+    dialect: Dialect = PMAC,
+    most_steps: int = MOST_STEPS,
+    watched: bool = True,
+) -> Walk:
+    """Walk through a program from `start` (counts by motor); `counts_per_turn` names the motor of the spindle.
+
+    Not `watched`, an endless loop goes on until the walk is too long: for programs that are known to end.
+
+    Raises:
+        PmacError: what the controller refuses before anything moves: a setting, the structure of the program.
+    """
+    variables = WatchedVariables(i_variables, dialect) if watched else VariableStore(i_variables, dialect)
+    walker = _Walker(text, variables, definitions, start)
+    return walker.walk(counts_per_turn or {}, most_steps)
+
+
+def settle(text: ProgramText, variables: VariableStore) -> None:
+    """Execute the settings that stand before a program.
+
+    Raises:
+        PmacError: 005 for what is no setting, 003 for a calculation without a result.
+    """
+    for line in text.settings:
+        for statement in line:
+            if not isinstance(statement, Assign):
+                raise PmacError(ErrorCode.NO_BUFFER_OPEN, "only settings may stand before OPEN PROG")
+            index = int(evaluate(statement.target.index, variables))
+            variables.set(statement.target.kind, index, evaluate(statement.value, variables))
+
+
+class WatchedVariables(VariableStore):
+    """Remembers what a program has set, but for the modal times, which say nothing of where it is."""
+
+    def __init__(self, i_variables: Mapping[int, float], dialect: Dialect) -> None:
+        super().__init__(i_variables, dialect)
+        self.written: dict[tuple[VariableKind, int, int], float] = {}
+
+    def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
+        """Store a value, see `VariableStore.set`."""
+        super().set(kind, index, value, system)
+        if kind is not VariableKind.I or index % 100 not in MODAL_NUMBERS:
+            self.written[kind, index, system] = value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Taken:
+    """A request, and where the program stood when it was calculated."""
+
+    program: int
+    line: int
+    main_line: int
+    place: tuple[int, ...]
+    request: Request
+    by_move_time: bool
+
+
+class _WatchedRun(ProgramRun):
+    """Keeps the requests that the planner took: it may take one ahead."""
+
+    def __init__(
+        self, text: ProgramText, variables: VariableStore, positions: Mapping[str, float], watched: bool
+    ) -> None:
+        self._watched = watched
+        self.taken: deque[_Taken] = deque()
+        self._own_modes = Modes()
+        super().__init__(
+            link(text.program), variables, self._own_modes, positions, library=text.code, number=text.number
+        )
+
+    def advance(self) -> Request:
+        request = super().advance()
+        self.take(request)
+        return request
+
+    def take(self, request: Request) -> None:
+        """Keep a request."""
+        taken = _Taken(
+            program=self.program,
+            line=self.line,
+            main_line=self.first_line,
+            place=self.place() if self._watched else (),
+            request=request,
+            by_move_time=self._own_modes.by_move_time,
+        )
+        self.taken.append(taken)
+
+
+class _Walker:
+    def __init__(
+        self,
+        text: ProgramText,
+        variables: VariableStore,
+        definitions: Sequence[AxisDefinition],
+        start: Mapping[int, float],
+    ) -> None:
+        settle(text, variables)
+        self._written = variables.written if isinstance(variables, WatchedVariables) else None
+        self._variables = variables
+        self._text = text
+        self._definitions = tuple(sorted(definitions, key=lambda definition: definition.motor))
+        self._origins: dict[str, float] = {}
+        self._start = tuple(float(start[d.motor]) for d in self._definitions)
+        self._run = _WatchedRun(
+            text, variables, self._positions(self._definitions, self._start), self._written is not None
+        )
+        self._planner = MotionPlanner(self._run, self._definitions, variables, self._start)
+        self._steps: list[Step] = []
+        self._left: list[Left] = []
+
+    def walk(self, counts_per_turn: Mapping[int, float], most_steps: int) -> Walk:
+        turning = None
+        for index, definition in enumerate(self._definitions):
+            if definition.motor in counts_per_turn:
+                turning = Turning(index=index, counts=counts_per_turn[definition.motor])
+        program, called = self._text.program, self._text.subprograms.values()
+        watch = EndlessWatch(find_loops(program, called), turning)
+        error = None
+        try:
+            ending = self._to_the_end(watch, most_steps)
+        except PmacError as fault:
+            ending, error = Ending.ERROR, fault
+        if ending is not Ending.FINISHED:
+            self._halt()
+        return Walk(
+            number=self._text.number,
+            motors=tuple(d.motor for d in self._definitions),
+            start=self._start,
+            steps=tuple(self._steps),
+            left=tuple(self._left),
+            ending=ending,
+            error=error,
+            variables=self._variables,
+        )
+
+    def _to_the_end(self, watch: EndlessWatch, most_steps: int) -> Ending:
+        while len(self._steps) < most_steps:
+            planned = self._planner.plan()
+            self._add(planned)
+            if planned.finished:
+                return Ending.FINISHED
+            circle = None if self._written is None else watch.look(self._steps, self._written)
+            if circle is not None:
+                if not self._leave(circle):
+                    return Ending.ENDLESS
+                watch.forget()
+        return Ending.TOO_LONG
+
+    def _leave(self, circle: Circle) -> bool:
+        """Set the flag that ends a loop; what has been left once and did not end is not tried again."""
+        line = self._steps[-1].main_line
+        tried = [left.circle.loop for left in self._left]
+        flags: Mapping[Name, float] = {}
+        if circle.loop is not None and circle.loop not in tried:
+            flags = way_out(circle.loop, self._variables, self._variables.i(15) == 0.0) or {}
+        for (kind, index), value in flags.items():
+            self._variables.set(kind, index, value)
+        self._left.append(Left(circle=circle, line=line, step=len(self._steps) - 1, flags=flags))
+        return bool(flags)
+
+    def _add(self, planned: Planned) -> None:
+        before = self._steps[-1] if self._steps else None
+        begins_ms = before.ends_ms if before else 0.0
+        at = before.at if before else self._start
+        if planned.pieces:
+            last = planned.pieces[-1]
+            at = tuple(position_at(cubic, last.duration_ms) for cubic in last.cubics)
+        if planned.event is not None:
+            at = self._carry_out(planned.event, at)
+        taken = self._run.taken.popleft()
+        step = Step(
+            program=taken.program,
+            line=taken.line,
+            main_line=taken.main_line,
+            place=taken.place,
+            request=taken.request,
+            planned=planned,
+            by_move_time=taken.by_move_time,
+            begins_ms=begins_ms,
+            ends_ms=begins_ms + sum(piece.duration_ms for piece in planned.pieces),
+            at=at,
+        )
+        self._steps.append(step)
+
+    def _carry_out(self, event: Event, at: Vector) -> Vector:
+        """Do what the program waits for: a home is at zero, a PSET is believed, a STOP is gone on from."""
+        definitions = self._definitions
+        if isinstance(event, HomeRequest):
+            at = tuple(0.0 if d.motor in event.motors else p for d, p in zip(definitions, at, strict=True))
+        shifted = tuple(d.shifted(self._origins) for d in definitions)
+        if isinstance(event, PresetRequest):
+            self._origins = preset_origins(self._origins, self._positions(shifted, at), event.positions)
+            shifted = tuple(d.shifted(self._origins) for d in definitions)
+        self._planner.relocate(at, shifted)
+        self._run.relocate(self._positions(shifted, at))
+        return at
+
+    def _positions(self, definitions: Sequence[AxisDefinition], at: Vector) -> dict[str, float]:
+        by_motor = {definition.motor: definition for definition in definitions}
+        return axis_positions(by_motor, dict(zip(by_motor, at, strict=True)))
+
+    def _halt(self) -> None:
+        """Let the motion stop where the walk ends."""
+        self._run.taken.clear()
+        self._run.take(Finished())
+        rates = tuple(self._variables.motor(d.motor, 15) for d in self._definitions)
+        self._add(Planned(pieces=self._planner.halt(rates), finished=True))

@@ -1,0 +1,227 @@
+"""From the words of a program about motion to requests: where the axes are told to be, and in which mode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.move_times import MoveTimes
+from drivers.pmac.language import arithmetic
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.evaluate import Value
+from drivers.pmac.language.syntax import VECTOR, Feedrate, Positioning, SelectMode, VariableKind
+from drivers.pmac.requests import (
+    CircleRequest,
+    Deferred,
+    DwellRequest,
+    HomeRequest,
+    LinearRequest,
+    MoveRequest,
+    PresetRequest,
+    PvtRequest,
+    RapidRequest,
+    SplineRequest,
+)
+from drivers.pmac.variables import SystemVariables
+
+Word = tuple[str, Value, Value | None]
+"""An axis word: its letter, and what calculates position or distance, and the end velocity."""
+
+_RADIUS = "R"
+_CIRCLES = ("CIRCLE1", "CIRCLE2")
+_SPLINES = ("SPLINE1", "SPLINE2")
+_COMBINE: Mapping[str, Callable[[float, float], float]] = {
+    "&": arithmetic.bit_and,
+    "|": arithmetic.bit_or,
+    "^": arithmetic.bit_xor,
+}
+
+
+@dataclass(slots=True)
+class _Aim:
+    """From where to where a line sends the axes, and which of them it sends to a position (ABS)."""
+
+    line: int
+    start: Mapping[str, float]
+    targets: dict[str, float]
+    absolute: frozenset[str]
+
+
+class Moves:
+    """The axes of a coordinate system as its program sees them, in user units."""
+
+    def __init__(self, values: SystemVariables, modes: Modes, positions: Mapping[str, float]) -> None:
+        """`positions` are the commanded positions of the defined axes at the start."""
+        self.times = MoveTimes(values.store, modes, values.number)
+        self._values = values
+        self._modes = modes
+        self._positions = dict(positions)
+        self._deferred: dict[tuple[VariableKind, int], Deferred] = {}
+
+    def relocate(self, positions: Mapping[str, float]) -> None:
+        """The axes are somewhere else than their last move took them."""
+        self._positions = {**self._positions, **positions}  # the old one belongs to the last request
+
+    def select(self, statement: SelectMode | Positioning | Feedrate) -> None:
+        """Execute a modal word without a value."""
+        match statement:
+            case SelectMode(mode):
+                self._modes.mode = mode
+            case Positioning():
+                self._modes.position(statement, set(self._positions))
+            case Feedrate():
+                self._modes.feed(statement, set(self._positions))
+
+    def turn(self, words: Sequence[Word]) -> None:
+        """NORMAL.
+
+        Raises:
+            PmacError: 003, a vector of no length has no direction.
+        """
+        normal = {letter: value(self._values) for letter, value, _ in words}
+        if not any(normal.values()):
+            raise PmacError(ErrorCode.DATA_ERROR, "NORMAL 0 has no direction")
+        self._modes.turn(normal)
+
+    def defer(self, kind: VariableKind, index: int, value: float, operator: str) -> None:
+        """Keep an assignment for the start of the next move; a later one to the same variable replaces it."""
+        place = (kind, index)
+        if operator:
+            waiting = self._deferred.pop(place, None)
+            before = self._values.get(kind, index) if waiting is None else waiting.value
+            value = _COMBINE[operator](before, value)
+        self._deferred[place] = Deferred(kind=kind, index=index, value=value)
+
+    def move(self, line: int, words: Sequence[Word]) -> MoveRequest | None:
+        """Ask for the move of a line; None when it names nothing that can move."""
+        targets = dict(self._positions)
+        values, incremental = self._values, self._modes.incremental
+        absolute: list[str] = []
+        velocities: dict[str, float] = {}
+        vector: dict[str, float] = {}
+        for letter, value, velocity in words:
+            if letter in targets:
+                if letter in incremental:
+                    targets[letter] += value(values)
+                else:
+                    targets[letter] = value(values)
+                    absolute.append(letter)
+                if velocity is not None:
+                    velocities[letter] = velocity(values)
+            elif letter == _RADIUS or letter in VECTOR:
+                vector[letter] = value(values)
+            # An axis that no motor is assigned to: the word has no effect.
+        mode = self._modes.mode
+        if len(vector) == len(words) and mode not in _CIRCLES:
+            return None  # the vector of a circle alone, and there is no circle
+        aim = _Aim(line, self._positions, targets, frozenset(absolute))
+        self._positions = targets
+        if mode == "PVT":
+            return self._pvt(aim, velocities)
+        if velocities:
+            raise PmacError(ErrorCode.DATA_ERROR, "an end velocity belongs to PVT moves")
+        if mode == "LINEAR" or (mode in _CIRCLES and not vector):
+            return self._linear(aim, self.times.linear_ms(aim.start, targets))
+        return self._request(mode, aim, words, vector)
+
+    def delay(self, line: int, duration_ms: float) -> LinearRequest:
+        """DELAY: a LINEAR move of no distance."""
+        here = self._positions
+        return self._linear(_Aim(line, here, dict(here), frozenset()), max(0.0, duration_ms))
+
+    def dwell(self, duration_ms: float) -> DwellRequest:
+        """DWELL."""
+        return DwellRequest(duration_ms=max(0.0, duration_ms), deferred=self._take_deferred())
+
+    def preset(self, line: int, words: Sequence[Word]) -> PresetRequest:
+        """PSET; axes that no motor is assigned to are left out."""
+        positions = {letter: value(self._values) for letter, value, _ in words if letter in self._positions}
+        self.relocate(positions)
+        return PresetRequest(line=line, positions=positions)
+
+    def home(self, line: int, motors: tuple[int, ...], zero: bool) -> HomeRequest:
+        """HOME or HOMEZ.
+
+        Raises:
+            PmacError: 003, the card has no such motor.
+        """
+        count = self._values.store.dialect.motor_count
+        if max(motors) > count:
+            raise PmacError(ErrorCode.DATA_ERROR, f"HOME{max(motors)}, motors 1 to {count}")
+        return HomeRequest(line=line, motors=motors, zero=zero)
+
+    def _request(
+        self, mode: str, aim: _Aim, words: Sequence[Word], vector: Mapping[str, float]
+    ) -> MoveRequest | None:
+        if mode in _CIRCLES:
+            return self._circle(aim, vector)
+        if mode in _SPLINES:
+            return SplineRequest(
+                line=aim.line,
+                targets=aim.targets,
+                duration_ms=self.times.spline_ms(),
+                uniform=mode == "SPLINE1",
+                absolute=aim.absolute,
+                deferred=self._take_deferred(),
+            )
+        moving = frozenset(letter for letter, _, _ in words if letter in aim.targets)
+        if not moving:
+            return None
+        return RapidRequest(
+            line=aim.line,
+            targets=aim.targets,
+            moving=moving,
+            absolute=aim.absolute,
+            deferred=self._take_deferred(),
+        )
+
+    def _linear(self, aim: _Aim, tm_ms: float) -> LinearRequest:
+        return LinearRequest(
+            line=aim.line,
+            targets=aim.targets,
+            ta_ms=self.times.ta_ms,
+            ts_ms=self.times.ts_ms,
+            tm_ms=tm_ms,
+            absolute=aim.absolute,
+            deferred=self._take_deferred(),
+        )
+
+    def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> PvtRequest:
+        unit_ms = self.times.unit_ms
+        return PvtRequest(
+            line=aim.line,
+            targets=aim.targets,
+            velocities={axis: velocity / unit_ms for axis, velocity in velocities.items()},
+            duration_ms=self.times.pvt_ms(),
+            absolute=aim.absolute,
+            deferred=self._take_deferred(),
+        )
+
+    def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> CircleRequest:
+        """A vector counts before a radius on the same line."""
+        tm_ms, speed_per_ms = self.times.arc()
+        parts = {axis: vector[letter] for letter, axis in zip(VECTOR, "XYZ", strict=True) if letter in vector}
+        if not self._modes.radius_incremental:
+            parts = {axis: place - aim.start.get(axis, 0.0) for axis, place in parts.items()}
+        return CircleRequest(
+            line=aim.line,
+            targets=aim.targets,
+            clockwise=self._modes.mode == "CIRCLE1",
+            normal=self._modes.normal,
+            center={axis: parts.get(axis, 0.0) for axis in "XYZ"} if parts else None,
+            radius=None if parts else vector[_RADIUS],
+            ta_ms=self.times.ta_ms,
+            ts_ms=self.times.ts_ms,
+            tm_ms=tm_ms,
+            speed_per_ms=speed_per_ms,
+            absolute=aim.absolute,
+            deferred=self._take_deferred(),
+        )
+
+    def _take_deferred(self) -> tuple[Deferred, ...]:
+        if not self._deferred:
+            return ()
+        taken = tuple(self._deferred.values())
+        self._deferred.clear()
+        return taken

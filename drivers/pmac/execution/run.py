@@ -1,0 +1,334 @@
+"""The execution of a motion program: from statements to requests for motion, one at a time.
+
+Serves the simulator, which plays the requests, and the checker, which only draws them. It knows axes in
+user units, not motors. Calculation happens when a request is asked for, one move ahead of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from drivers.pmac.execution.calls import Arguments, CallingLine, target_of
+from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.moves import Moves
+from drivers.pmac.execution.steps import Step, StepMaker
+from drivers.pmac.language import syntax
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
+from drivers.pmac.language.gathering import may_be_argument
+from drivers.pmac.language.structure import NO_JUMP, Code
+from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHost, Request
+from drivers.pmac.variables import VariableStore
+
+JUMPS_THAT_BREAK_BLENDING = 2
+"""Backward jumps met while looking for the next move after which the motion is let stop."""
+
+STEPS_PER_LOOK = 10_000
+"""Statements without a move after which the motion is let stop, too: no program holds up the card."""
+
+DEEPEST_CALL = 15
+"""GOSUB and CALL inside each other."""
+
+_READ_FLAGS = 100
+_FIRST_LETTER = "A"
+
+Library = Callable[[int], Code | None]
+
+
+def _no_library(_: int) -> Code | None:
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Unit:
+    """A program, or the rest of a calling line, ready to run."""
+
+    code: Code
+    steps: list[Step]
+    program: int
+
+
+@dataclass(slots=True)
+class _Frame:
+    """Where a unit is executed; `called` unless it is the first one or the rest of a calling line."""
+
+    unit: _Unit
+    counter: int = 0
+    called: bool = False
+    arguments: Arguments | None = None
+
+
+class ProgramRun:
+    """One program on its way, from its first statement to `Finished`."""
+
+    def __init__(
+        self,
+        code: Code,
+        variables: VariableStore,
+        modes: Modes,
+        positions: Mapping[str, float],
+        system: int = 1,
+        strict: bool = True,
+        *,
+        library: Library = _no_library,
+        host: ProgramHost | None = None,
+        label: int | None = None,
+        number: int = 0,
+    ) -> None:
+        """`positions` are the commanded positions of the defined axes at the start, in user units.
+
+        `strict` makes illegal arithmetic an error, as a checker wants it; the card calculates on. `library` gives
+        the programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
+
+        Raises:
+            PmacError: 015, there is no such label.
+        """
+        self.line = 0
+        self.in_block = False
+        self.single_step = False
+        self._values = variables.view(system)
+        self._degrees = variables.i(15) == 0
+        self._strict = strict
+        self._library = library
+        self._host = host or NoHost()
+        self._moves = Moves(self._values, modes, positions)
+        self._maker = StepMaker(self._moves, self._values, self._host, self._expression)
+        self._units: dict[int, _Unit | None] = {}
+        self._rests: dict[tuple[CallingLine, int], _Unit] = {}
+        self._jumps_back = 0
+        self._depth = 0
+        start = 0 if label is None else code.find(label)
+        if start is None:
+            raise PmacError(ErrorCode.NO_PROGRAM, f"N{label} does not exist")
+        unit = _Unit(code, self._compile(code), number)
+        if number:
+            self._units[number] = unit
+        self._frame = _Frame(unit, start)
+        self._frames = [self._frame]
+
+    @property
+    def program(self) -> int:
+        """The number of the program that is executed; 0 for the first one if it is not known."""
+        return self._frame.unit.program
+
+    @property
+    def first_line(self) -> int:
+        """The line of the first program that is executed, or that has called what is executed."""
+        frame = self._frames[0]
+        lines = frame.unit.code.line_of
+        return lines[max(0, frame.counter - 1)] if lines else 0
+
+    def place(self) -> tuple[int, ...]:
+        """Return where the program and its callers stand, as numbers that mean nothing by themselves.
+
+        At equal places, with equal values of all variables, it goes on alike.
+        """
+        return tuple(
+            number
+            for frame in self._frames
+            for number in (id(frame.unit), frame.counter, frame.arguments.taken if frame.arguments else 0)
+        )
+
+    def relocate(self, positions: Mapping[str, float]) -> None:
+        """Take the axes to be at `positions`: after a HOME, a PSET or a motion by somebody else."""
+        self._moves.relocate(positions)
+
+    def advance(self) -> Request:
+        """Calculate up to the next request for motion.
+
+        Raises:
+            PmacError: a run-time error of the program; the caller stops it.
+        """
+        self._jumps_back = 0
+        for _ in range(STEPS_PER_LOOK):
+            frame = self._frame
+            index = frame.counter
+            unit = frame.unit
+            if index >= len(unit.steps):
+                if not self._leave():
+                    return Finished()
+                continue
+            self.line = unit.code.line_of[index]
+            frame.counter = index + 1
+            request = unit.steps[index]()
+            if request is not None:
+                return request
+            if self._jumps_back >= JUMPS_THAT_BREAK_BLENDING:
+                return BlendBreak()
+        return BlendBreak()
+
+    def _compile(self, code: Code) -> list[Step]:
+        return [self._step(code, index) for index in range(len(code.instructions))]
+
+    def _step(self, code: Code, index: int) -> Step:
+        statement = code.instructions[index]
+        match statement:
+            case syntax.While() | syntax.If():
+                return self._branch(statement.condition, code.jumps[index])
+            case syntax.EndWhile():
+                return lambda: self._jump_back(code.jumps[index])
+            case syntax.Else():
+                return lambda: self._jump(code.jumps[index])
+            case syntax.EndIf() | syntax.Label():
+                return _nothing
+            case syntax.Goto():
+                return self._goto(statement)
+            case syntax.Gosub():
+                return self._gosub(statement)
+            case syntax.CallProgram():
+                return self._call(statement, code, index)
+            case syntax.Read():
+                return lambda: self._read(statement.letters)
+            case syntax.Return():
+                return self._return
+            case syntax.Block():
+                return lambda: self._block(statement.begins)
+            case syntax.Pause():
+                return BlendBreak
+            case syntax.Stop():
+                return Halt
+            case _:
+                return self._maker.step(statement, code.line_of[index])
+
+    def _expression(self, expression: syntax.Expression) -> Value:
+        return compile_expression(expression, self._degrees, strict=self._strict)
+
+    def _branch(self, condition: syntax.Condition, otherwise: int) -> Step:
+        holds = compile_condition(condition, self._degrees, strict=self._strict)
+        values = self._values
+
+        def step() -> None:
+            if not holds(values):
+                self._frame.counter = otherwise
+
+        return step
+
+    def _jump(self, target: int) -> None:
+        self._frame.counter = target
+
+    def _jump_back(self, target: int) -> None:
+        self._frame.counter = target
+        self._jumps_back += 1
+
+    def _block(self, begins: bool) -> Request | None:
+        """In single step, the end of a block is the end of the step."""
+        self.in_block = begins
+        return BlendBreak() if self.single_step and not begins else None
+
+    def _goto(self, statement: syntax.Goto) -> Step:
+        value = self._expression(statement.label)
+
+        def step() -> None:
+            target = self._find(value(self._values))
+            if target < self._frame.counter:
+                self._jumps_back += 1
+            self._frame.counter = target
+
+        return step
+
+    def _gosub(self, statement: syntax.Gosub) -> Step:
+        value = self._expression(statement.label)
+
+        def step() -> None:
+            self._enter(_Frame(self._frame.unit, self._find(value(self._values)), called=True))
+
+        return step
+
+    def _find(self, value: float) -> int:
+        """Return the instruction with a label in the program that runs."""
+        label = round(value)
+        target = self._frame.unit.code.find(label)
+        if target is None:
+            raise PmacError(ErrorCode.DATA_ERROR, f"N{label} does not exist")
+        return target
+
+    def _call(self, statement: syntax.CallProgram, code: Code, index: int) -> Step:
+        value = self._expression(statement.target)
+        calling = CallingLine(code.line_of[index], _behind(code, index))
+        behind = index + 1 + len(calling.statements)
+
+        def step() -> None:
+            program, label = target_of(statement, value(self._values))
+            self._frame.counter = behind
+            unit = self._unit(program)
+            start = None if unit is None else unit.code.find(label)
+            arguments = Arguments(calling)
+            if unit is not None and start is not None:
+                self._enter(_Frame(unit, start, called=True, arguments=arguments))
+            elif statement.code:
+                self._finish_line(arguments)
+            else:
+                raise PmacError(ErrorCode.DATA_ERROR, f"CALL {program} N{label} does not exist")
+
+        return step
+
+    def _unit(self, program: int) -> _Unit | None:
+        if program not in self._units:
+            code = self._library(program)
+            self._units[program] = None if code is None else _Unit(code, self._compile(code), program)
+        return self._units[program]
+
+    def _enter(self, frame: _Frame) -> None:
+        if self._depth == DEEPEST_CALL:
+            raise PmacError(ErrorCode.DATA_ERROR, f"more than {DEEPEST_CALL} GOSUB and CALL inside each other")
+        self._depth += 1
+        self._push(frame)
+
+    def _push(self, frame: _Frame) -> None:
+        self._frames.append(frame)
+        self._frame = frame
+
+    def _finish_line(self, arguments: Arguments) -> None:
+        """Execute what is left of a calling line."""
+        place = (arguments.calling, arguments.taken)
+        unit = self._rests.get(place)
+        if unit is None:
+            rest = arguments.calling.rest(arguments.taken)
+            code = Code(rest, (arguments.calling.line,) * len(rest), (NO_JUMP,) * len(rest))
+            unit = self._rests[place] = _Unit(code, self._compile(code), self.program)
+        self._push(_Frame(unit))
+
+    def _return(self) -> None:
+        self._frame.counter = len(self._frame.unit.steps)
+
+    def _leave(self) -> bool:
+        """Go back behind the call; False at the end of the first program."""
+        if len(self._frames) == 1:
+            return False
+        ended = self._frames.pop()
+        self._frame = self._frames[-1]
+        if ended.called:
+            self._depth -= 1
+        if ended.arguments is not None:
+            self._finish_line(ended.arguments)
+        return True
+
+    def _read(self, letters: tuple[str, ...]) -> None:
+        """Bring the arguments into Q101 and following, and say in Q100 which ones there were."""
+        read = next((frame.arguments for frame in reversed(self._frames) if frame.arguments is not None), None)
+        flags = 0
+        while read is not None and (word := read.take(letters)) is not None:
+            letter, expression = word
+            bit = ord(letter) - ord(_FIRST_LETTER)
+            value = self._expression(expression)(self._values)
+            self._values.set(VariableKind.Q, _READ_FLAGS + 1 + bit, value)
+            flags |= 1 << bit
+        self._values.set(VariableKind.Q, _READ_FLAGS, float(flags))
+
+
+def _behind(code: Code, index: int) -> tuple[syntax.Statement, ...]:
+    """Return what stands behind a call on its line and may be its arguments."""
+    end = index + 1
+    while (
+        end < len(code.instructions)
+        and code.line_of[end] == code.line_of[index]
+        and may_be_argument(code.instructions[end])
+    ):
+        end += 1
+    return code.instructions[index + 1 : end]
+
+
+def _nothing() -> None:
+    """Do nothing: the end of an IF, a label."""

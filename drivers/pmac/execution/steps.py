@@ -1,0 +1,128 @@
+"""The statements that are executed where they stand: each becomes a function, once, and is run many times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from drivers.pmac.execution.moves import Moves, Word
+from drivers.pmac.language import syntax
+from drivers.pmac.language.evaluate import Value
+from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.requests import ProgramHost, Request
+from drivers.pmac.variables import SystemVariables
+
+Plain = (
+    syntax.Modal
+    | syntax.Assign
+    | syntax.Move
+    | syntax.Preset
+    | syntax.Home
+    | syntax.Wait
+    | syntax.Argument
+    | syntax.Message
+    | syntax.PlcSwitch
+)
+"""The statements that are not about what comes next."""
+
+Step = Callable[[], Request | None]
+
+_SPINDLE_SPEED = 127
+"""S alone goes to this Q-variable."""
+
+
+class StepMaker:
+    """Makes the steps of one run."""
+
+    def __init__(
+        self,
+        moves: Moves,
+        values: SystemVariables,
+        host: ProgramHost,
+        compile_value: Callable[[syntax.Expression], Value],
+    ) -> None:
+        self._moves = moves
+        self._values = values
+        self._host = host
+        self._compile = compile_value
+
+    def step(self, statement: Plain, line: int) -> Step:
+        """Return what executes a statement of a line."""
+        match statement:
+            case syntax.Assign():
+                return self._assign(statement)
+            case syntax.Move():
+                return self._move(statement, line)
+            case syntax.Set():
+                return self._set(statement)
+            case syntax.Wait():
+                return self._wait(statement, line)
+            case syntax.SelectMode() | syntax.Positioning() | syntax.Feedrate():
+                return lambda: self._moves.select(statement)
+            case syntax.Normal():
+                words = self._words(statement.words)
+                return lambda: self._moves.turn(words)
+            case syntax.Preset():
+                words = self._words(statement.words)
+                return lambda: self._moves.preset(line, words)
+            case syntax.Home():
+                return lambda: self._moves.home(line, statement.motors, statement.zero)
+            case syntax.Argument():
+                return self._spindle(statement)
+            case syntax.Message():
+                return lambda: self._say(statement)
+            case syntax.PlcSwitch():
+                return lambda: self._host.switch_plc(statement.enable, statement.numbers)
+
+    def _assign(self, statement: syntax.Assign) -> Step:
+        value, values, kind = self._compile(statement.value), self._values, statement.target.kind
+        index = self._compile(statement.target.index)
+        if statement.synchronous:
+            return lambda: self._moves.defer(kind, int(index(values)), value(values), statement.operator)
+        if isinstance(statement.target.index, syntax.Number):
+            fixed = int(statement.target.index.value)
+            return lambda: values.set(kind, fixed, value(values))
+        return lambda: values.set(kind, int(index(values)), value(values))
+
+    def _set(self, statement: syntax.Set) -> Step:
+        value, values, times, word = (
+            self._compile(statement.value),
+            self._values,
+            self._moves.times,
+            statement.word,
+        )
+        return lambda: times.keep(word, value(values))
+
+    def _words(self, words: Sequence[syntax.AxisWord]) -> list[Word]:
+        return [
+            (
+                word.axis,
+                self._compile(word.value),
+                self._compile(word.velocity) if word.velocity is not None else None,
+            )
+            for word in words
+        ]
+
+    def _move(self, statement: syntax.Move, line: int) -> Step:
+        words, moves = self._words(statement.words), self._moves
+        return lambda: moves.move(line, words)
+
+    def _wait(self, statement: syntax.Wait, line: int) -> Step:
+        duration, values = self._compile(statement.duration_ms), self._values
+        if statement.word == "DELAY":
+            return lambda: self._moves.delay(line, duration(values))
+        return lambda: self._moves.dwell(duration(values))
+
+    def _spindle(self, statement: syntax.Argument) -> Step:
+        value, values = self._compile(statement.value), self._values
+        if statement.letter != "S":
+            return lambda: None
+        return lambda: values.set(VariableKind.Q, _SPINDLE_SPEED, value(values))
+
+    def _say(self, statement: syntax.Message) -> None:
+        match statement.word:
+            case "CMD":
+                self._host.command(statement.text, statement.port)
+            case "SEND":
+                self._host.send(statement.text, statement.port)
+            case _:
+                self._host.display(statement.text)

@@ -1,0 +1,154 @@
+"""What differs between two families of controllers, as fields; nothing else asks which one it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum, auto
+from functools import cached_property
+from typing import TypeVar
+
+from drivers.pmac.status import BitTable
+
+_Value = TypeVar("_Value")
+
+
+class Scope(StrEnum):
+    """Whose setting an I-variable is."""
+
+    GLOBAL = auto()
+    MOTOR = auto()
+    SYSTEM = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a setting is: I`number` of the card, Ix`number` of a motor or of a coordinate system."""
+
+    scope: Scope
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """Where a register of motor or system 1 is, and how far apart those of the others are; 0: there is only one.
+
+    `space` as in M-variable definitions: X or Y (24 bits), D (48 bits) or L (floating).
+    """
+
+    space: str
+    address: int
+    stride: int = 0
+
+
+class Setting(StrEnum):
+    """The settings whose number or scope is not the same in every family.
+
+    What is the same everywhere (I10, Ix16, Ix87 ...) is asked for by its number.
+    """
+
+    JOG_DELAY_MS = auto()
+    """Calculation delay before a jog, a home search or a RAPID move."""
+    SEGMENT_MS = auto()
+    """Segmentation time of LINEAR and CIRCLE moves; 0 is none."""
+    IN_POSITION_LOOKS = auto()
+    """Looks, beyond the first, that in-position needs."""
+    RAPID_AT_PROGRAM_SPEED = auto()
+    """Whether RAPID goes at Ix16 (not 0) or at the jog speed Ix22 (0)."""
+    LEAST_ARC = auto()
+    """Half turns below which the angle of a circle move is a full turn more; 0 is 2^-20."""
+    FLAG_MODE = auto()
+    """Use of flags and what a fault kills: bit 17 no travel limits, bits 21 and 22 the neighbours."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """One family of controllers. `replies` are the answers to words such as VERSION, without an end of line.
+
+    `system_offset` + 100 x + nn is the index of Ixnn of coordinate system x; motors have 100 x + nn everywhere.
+    A word that is not among `replies` is none of the family's. `axis_codes`
+    are what bits 16 to 19 of the second word of `?` say of the axis. P is reported in steps of `position_step`
+    counts. `hexadecimal` settings hold addresses. `registers` are what M-variables are suggested for.
+
+    `highest_index` is that of I, P, Q and M. `global_ranges`, `motor_ranges` and `system_ranges` give the lowest
+    value and the number of values of the I-variables that wrap; the others are floating point.
+
+    `segment_time_switch` is the I-variable that gives SPLINE and PVT moves their time by TM while it is 0, in
+    steps of `segment_step_ms` up to `longest_segment_ms`; without one, or if it is not 0, TA does, in whole ms.
+    `other_axes_speed` is the Ix-number of a coordinate system with the speed of axes that F does not speak of;
+    where there is none, a move of such axes alone takes no time of its own.
+    """
+
+    name: str
+    replies: Mapping[str, str]
+    motor_count: int
+    system_count: int
+    highest_index: int
+    system_offset: int
+    places: Mapping[Setting, Place]
+    global_defaults: Mapping[int, float]
+    motor_defaults: Mapping[int, float]
+    system_defaults: Mapping[int, float]
+    global_ranges: Mapping[int, tuple[int, int]]
+    motor_ranges: Mapping[int, tuple[int, int]]
+    system_ranges: Mapping[int, tuple[int, int]]
+    motor_bits: BitTable
+    system_bits: BitTable
+    system_words: int
+    global_bits: BitTable
+    axis_codes: Mapping[str, int]
+    position_step: float
+    highest_address: int
+    global_addresses: tuple[int, ...]
+    motor_addresses: tuple[int, ...]
+    system_addresses: tuple[int, ...]
+    registers: Mapping[str, Register]
+    segment_time_switch: int | None = None
+    segment_step_ms: float = 1.0
+    longest_segment_ms: float = 8_388_607.0
+    other_axes_speed: int | None = None
+
+    def motor_index(self, motor: int, number: int) -> int:
+        """Return the index of Ix`number` of a motor."""
+        return 100 * motor + number
+
+    def system_index(self, system: int, number: int) -> int:
+        """Return the index of Ix`number` of a coordinate system."""
+        return self.system_offset + 100 * system + number
+
+    def index(self, setting: Setting, owner: int = 1) -> int:
+        """Return the index of a setting; `owner` is the motor or the coordinate system, where it has one."""
+        place = self.places[setting]
+        match place.scope:
+            case Scope.GLOBAL:
+                return place.number
+            case Scope.MOTOR:
+                return self.motor_index(owner, place.number)
+            case Scope.SYSTEM:
+                return self.system_index(owner, place.number)
+
+    @cached_property
+    def factory(self) -> Mapping[int, float]:
+        """Every I-variable as it leaves the factory; what is not in it is 0."""
+        return self._spread(self.global_defaults, self.motor_defaults, self.system_defaults)
+
+    @cached_property
+    def ranges(self) -> Mapping[int, tuple[int, int]]:
+        """The lowest value and the number of values, by index."""
+        return self._spread(self.global_ranges, self.motor_ranges, self.system_ranges)
+
+    @cached_property
+    def hexadecimal(self) -> frozenset[int]:
+        """The I-variables that hold addresses, by index."""
+        numbers = (self.global_addresses, self.motor_addresses, self.system_addresses)
+        return frozenset(self._spread(*(dict.fromkeys(listed, True) for listed in numbers)))
+
+    def _spread(
+        self, card: Mapping[int, _Value], motors: Mapping[int, _Value], systems: Mapping[int, _Value]
+    ) -> dict[int, _Value]:
+        spread = dict(card)
+        for motor in range(1, self.motor_count + 1):
+            spread.update({self.motor_index(motor, number): value for number, value in motors.items()})
+        for system in range(1, self.system_count + 1):
+            spread.update({self.system_index(system, number): value for number, value in systems.items()})
+        return spread

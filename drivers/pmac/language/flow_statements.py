@@ -1,0 +1,108 @@
+"""Reading the statements that decide which line comes next: loops, branches, labels, jumps and calls."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Mapping
+
+from drivers.pmac.language.expressions import at_data, parse_condition, parse_data
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.reading import Reader, parse_letters
+from drivers.pmac.language.syntax import (
+    Argument,
+    CallProgram,
+    Condition,
+    Else,
+    EndIf,
+    EndWhile,
+    Gosub,
+    Goto,
+    If,
+    Label,
+    Read,
+    Return,
+    Statement,
+    While,
+)
+
+HIGHEST_LABEL = 2**18 - 1
+
+CODES = ("G", "M", "T", "D")
+"""The letters of calls of programs 1000, 1001, 1002 and 1003."""
+
+READABLE = tuple(letter for letter in string.ascii_uppercase if letter not in "NO")
+"""The letters that READ can ask for."""
+
+ARGUMENTS = ("E", "H", "L", "P", "Q")
+"""The letters that are a statement only behind a call."""
+
+_ENDS: Mapping[str, Statement] = {
+    **dict.fromkeys(("ENDWHILE", "ENDW"), EndWhile()),
+    **dict.fromkeys(("ENDIF", "ENDI"), EndIf()),
+    **dict.fromkeys(("RETURN", "RET"), Return()),
+}
+
+
+def parse_argument(scanner: Scanner) -> Argument | None:
+    """Read a letter with a value that is no statement of its own, such as the P of `G4 P2000`.
+
+    None, with nothing consumed, if none stands at the cursor.
+
+    Raises:
+        PmacError: 003, the letter is not followed by data.
+    """
+    letter = scanner.take_word(ARGUMENTS)
+    return None if letter is None else Argument(letter, parse_data(scanner))
+
+
+def _while(scanner: Scanner, word: str) -> While:
+    condition = _enclosed_condition(scanner)
+    return While(condition, inline=not scanner.at_end)
+
+
+def _if(scanner: Scanner, word: str) -> If:
+    condition = _enclosed_condition(scanner)
+    return If(condition, inline=not scanner.at_end)
+
+
+def _enclosed_condition(scanner: Scanner) -> Condition:
+    scanner.expect("(")
+    condition = parse_condition(scanner)
+    scanner.expect(")")
+    return condition
+
+
+def _label(scanner: Scanner, word: str) -> Label | None:
+    number = scanner.take_integer()
+    if number is None:
+        return None
+    if number > HIGHEST_LABEL:
+        raise scanner.refusal(f"label {number}, 0 to {HIGHEST_LABEL}")
+    return Label(number)
+
+
+def _code(scanner: Scanner, word: str) -> CallProgram | None:
+    """`M1` in front of a comma, a point, an arrow or an equals sign is an on-line command about variables."""
+    if not at_data(scanner):
+        return None
+    target = parse_data(scanner)
+    return None if scanner.peek(".,-=") else CallProgram(target, code=word)
+
+
+def _spindle(scanner: Scanner, word: str) -> Argument | None:
+    return Argument(word, parse_data(scanner)) if at_data(scanner) else None
+
+
+FLOW_READERS: Mapping[str, Reader] = {
+    "WHILE": _while,
+    "IF": _if,
+    "ELSE": lambda scanner, word: Else(inline=not scanner.at_end),
+    **dict.fromkeys(_ENDS, lambda scanner, word: _ENDS[word]),
+    **dict.fromkeys(("N", "O"), _label),
+    "GOTO": lambda scanner, word: Goto(parse_data(scanner)),
+    "GOSUB": lambda scanner, word: Gosub(parse_data(scanner)),
+    "CALL": lambda scanner, word: CallProgram(parse_data(scanner)),
+    **dict.fromkeys(CODES, _code),
+    "READ": lambda scanner, word: Read(parse_letters(scanner, READABLE)),
+    "S": _spindle,
+}

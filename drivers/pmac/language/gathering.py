@@ -1,0 +1,91 @@
+"""The order of the statements of a line: which axis words move together, and which words hold for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from drivers.pmac.language.syntax import (
+    Argument,
+    Assign,
+    AxisWord,
+    CallProgram,
+    Feedrate,
+    Line,
+    Move,
+    Positioning,
+    SelectMode,
+    Set,
+    Statement,
+)
+
+_Modal = Set | SelectMode | Positioning | Feedrate
+_Gathered = Move | Assign | Argument | _Modal
+
+
+def gather_moves(statements: Iterable[Statement]) -> Line:
+    """Join the axis words of a line into moves: axes named on one line move together.
+
+    Modal words (F, TM, INC ...) hold for the moves of their line wherever they stand, and so come first. An
+    assignment between the axis words of a move comes before the move, one behind them after it. A repeated
+    axis letter starts a second move; a wait or a flow word ends a move and what belongs to it. Behind a call
+    the words are arguments and keep their order; only neighbours are joined.
+    """
+    gathered: list[Statement] = []
+    stretch: list[Statement] = []
+    called = False
+    for statement in statements:
+        if isinstance(statement, _Gathered):
+            stretch.append(statement)
+            continue
+        gathered += [*(_joined(stretch) if called else _arranged(stretch)), statement]
+        stretch.clear()
+        called = isinstance(statement, CallProgram)
+    return (*gathered, *(_joined(stretch) if called else _arranged(stretch)))
+
+
+def may_be_argument(statement: Statement) -> bool:
+    """Whether a statement behind a call belongs to the line of the call: READ may see it, or what is behind it."""
+    return isinstance(statement, _Gathered | CallProgram)
+
+
+def _arranged(stretch: list[Statement]) -> list[Statement]:
+    last_modal = max((i for i, statement in enumerate(stretch) if isinstance(statement, _Modal)), default=-1)
+    # Assignments before a modal word keep their place before it, as in `P1=5 F(P1)`.
+    arranged: list[Statement] = [
+        statement for statement in stretch[: last_modal + 1] if not isinstance(statement, Move)
+    ]
+    words: list[AxisWord] = []
+    behind: list[Statement] = []
+    for place, statement in enumerate(stretch):
+        if isinstance(statement, Move):
+            for word in statement.words:
+                if _repeats(word, words):
+                    arranged.append(Move(tuple(words)))
+                    words.clear()
+                arranged += behind
+                behind.clear()
+                words.append(word)
+        elif place > last_modal:
+            behind.append(statement)
+    if words:
+        arranged.append(Move(tuple(words)))
+    return arranged + behind
+
+
+def _joined(stretch: list[Statement]) -> list[Statement]:
+    joined: list[Statement] = []
+    for statement in stretch:
+        if not isinstance(statement, Move):
+            joined.append(statement)
+            continue
+        for word in statement.words:
+            last = joined[-1] if joined else None
+            if isinstance(last, Move) and not _repeats(word, last.words):
+                joined[-1] = Move((*last.words, word))
+            else:
+                joined.append(Move((word,)))
+    return joined
+
+
+def _repeats(word: AxisWord, earlier: Iterable[AxisWord]) -> bool:
+    return any(word.axis == other.axis for other in earlier)

@@ -1,0 +1,70 @@
+"""What several statements have in common: lists of letters and of numbers, and axis words one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.pmac.language.expressions import at_data, parse_data
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.syntax import AxisWord, Statement
+
+Reader = Callable[[Scanner, str], Statement | None]
+"""Reads on behind its word; None when what follows does not make a statement of it."""
+
+
+def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]:
+    """Read `(X,Y)`, each one of `letters`.
+
+    Raises:
+        PmacError: 003, something else stands there.
+    """
+    scanner.expect("(")
+    listed = [_letter(scanner, letters)]
+    while scanner.accept(","):
+        listed.append(_letter(scanner, letters))
+    scanner.expect(")")
+    return tuple(listed)
+
+
+def parse_numbers(scanner: Scanner, lowest: int, highest: int) -> tuple[int, ...]:
+    """Read `1..3,5`, each number from `lowest` to `highest`; a range stands for all its numbers.
+
+    Raises:
+        PmacError: 003, no number, or one that is out of the limits.
+    """
+    listed = list(_range(scanner, lowest, highest))
+    while scanner.accept(","):
+        listed += _range(scanner, lowest, highest)
+    return tuple(listed)
+
+
+def parse_words(scanner: Scanner, letters: tuple[str, ...]) -> tuple[AxisWord, ...]:
+    """Read axis words as long as they stand one after another and no letter comes twice; perhaps none."""
+    words: dict[str, AxisWord] = {}
+    while True:
+        mark = scanner.mark()
+        letter = scanner.take_word(letters)
+        if letter is None or letter in words or not at_data(scanner):
+            scanner.reset(mark)
+            return tuple(words.values())
+        words[letter] = AxisWord(letter, parse_data(scanner))
+
+
+def _letter(scanner: Scanner, letters: tuple[str, ...]) -> str:
+    letter = scanner.take_word(letters)
+    if letter is None:
+        raise scanner.refusal(f"expected one of {' '.join(letters)}")
+    return letter
+
+
+def _range(scanner: Scanner, lowest: int, highest: int) -> range:
+    first = _number(scanner, lowest, highest)
+    last = _number(scanner, first, highest) if scanner.accept("..") else first
+    return range(first, last + 1)
+
+
+def _number(scanner: Scanner, lowest: int, highest: int) -> int:
+    number = scanner.take_integer()
+    if number is None or not lowest <= number <= highest:
+        raise scanner.refusal(f"expected a number from {lowest} to {highest}")
+    return number

@@ -1,0 +1,169 @@
+"""What a motion program asks for, one request at a time: the contract between executing and moving.
+
+Positions are user units of axes, times ms. `line` counts the lines of the program from 0. `deferred` are the
+assignments (`M1==1`) that take effect when the move starts. `absolute` are the axes that the line sends to a
+position (ABS), which rotary axes may go to by either way round (Ix27); all others go as far as it says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.pmac.language.syntax import VariableKind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deferred:
+    """A value that is stored when its move starts."""
+
+    kind: VariableKind
+    index: int
+    value: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearRequest:
+    """A LINEAR move to `targets` (every axis of the system), with the times in force."""
+
+    line: int
+    targets: Mapping[str, float]
+    ta_ms: float
+    ts_ms: float
+    tm_ms: float
+    absolute: frozenset[str] = frozenset()
+    deferred: tuple[Deferred, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CircleRequest:
+    """An arc to `targets`, in the plane normal to `normal` (I, J, K), which also says which way is clockwise.
+
+    The centre is `center` (a vector by X, Y, Z from the start), or at `radius` (below 0: the longer arc). The time
+    is `tm_ms`, or None: then the length of the arc over `speed_per_ms`.
+    """
+
+    line: int
+    targets: Mapping[str, float]
+    clockwise: bool
+    normal: tuple[float, float, float]
+    center: Mapping[str, float] | None
+    radius: float | None
+    ta_ms: float
+    ts_ms: float
+    tm_ms: float | None
+    speed_per_ms: float
+    absolute: frozenset[str] = frozenset()
+    deferred: tuple[Deferred, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RapidRequest:
+    """A RAPID move of the axes in `moving`: a jog of their motors, never blended."""
+
+    line: int
+    targets: Mapping[str, float]
+    moving: frozenset[str]
+    absolute: frozenset[str] = frozenset()
+    deferred: tuple[Deferred, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplineRequest:
+    """A segment of a cubic B-spline; `uniform` is SPLINE1, in which a change of the time ends the sequence."""
+
+    line: int
+    targets: Mapping[str, float]
+    duration_ms: float
+    uniform: bool
+    absolute: frozenset[str] = frozenset()
+    deferred: tuple[Deferred, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PvtRequest:
+    """A PVT segment to `targets` with `velocities` there (user units per ms)."""
+
+    line: int
+    targets: Mapping[str, float]
+    velocities: Mapping[str, float]
+    duration_ms: float
+    absolute: frozenset[str] = frozenset()
+    deferred: tuple[Deferred, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DwellRequest:
+    """Come to rest, then wait in real time; `deferred` take effect when the waiting begins."""
+
+    duration_ms: float
+    deferred: tuple[Deferred, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HomeRequest:
+    """Come to rest, search the home of these motors (or declare it, `zero`), and go on when all are done."""
+
+    line: int
+    motors: tuple[int, ...]
+    zero: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PresetRequest:
+    """Come to rest; the axes are then at `positions` without having moved."""
+
+    line: int
+    positions: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class BlendBreak:
+    """Nothing to move by, after two backward jumps or a WAIT: let the previous move stop, then ask again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Halt:
+    """STOP: come to rest; the program can go on from here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """The end of the program."""
+
+
+MoveRequest = LinearRequest | CircleRequest | RapidRequest | SplineRequest | PvtRequest
+Request = MoveRequest | DwellRequest | HomeRequest | PresetRequest | BlendBreak | Halt | Finished
+
+
+class ProgramHost(Protocol):
+    """Where the words of a program go that are not about motion. They act when their line is calculated."""
+
+    def command(self, text: str, port: str) -> None:
+        """CMD: an on-line command, executed in the background with addresses of its own, #1 and &1."""
+
+    def send(self, text: str, port: str) -> None:
+        """SEND: text for a host."""
+
+    def display(self, text: str) -> None:
+        """DISPLAY: text for the display port."""
+
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
+        """ENABLE or DISABLE PLC."""
+
+
+class NoHost:
+    """Nobody listens: what a checker needs."""
+
+    def command(self, text: str, port: str) -> None:
+        """Ignore it."""
+
+    def send(self, text: str, port: str) -> None:
+        """Ignore it."""
+
+    def display(self, text: str) -> None:
+        """Ignore it."""
+
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
+        """Ignore it."""

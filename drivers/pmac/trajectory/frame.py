@@ -1,0 +1,138 @@
+"""From axes to motors: what the axis definitions and the I-variables say about the motors of a program.
+
+Every vector is in the order of the definitions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from drivers.pmac.axes import AxisDefinition, axis_positions
+from drivers.pmac.dialect import Setting
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.requests import CircleRequest
+from drivers.pmac.trajectory.circle import Arc, arc_of
+from drivers.pmac.trajectory.jog import JogSettings, jog_settings
+from drivers.pmac.trajectory.linear import Limits
+from drivers.pmac.trajectory.pieces import Vector
+from drivers.pmac.trajectory.rollover import ROTARY, Rollover
+from drivers.pmac.variables import VariableStore
+
+FARTHEST_COUNTS = 2.0**47 / (96 * 32)
+"""Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""
+
+NO_AXES: frozenset[str] = frozenset()
+
+
+class MotorFrame:
+    """The motors of a coordinate system, as the moves of its program see them."""
+
+    def __init__(self, definitions: tuple[AxisDefinition, ...], variables: VariableStore, system: int) -> None:
+        self.definitions = definitions
+        self.still: Vector = tuple(0.0 for _ in definitions)
+        self._variables = variables
+        self._system = system
+        self._motors = tuple(d.motor for d in definitions)
+        self._none = Limits(velocity=self.still, acceleration=self.still)
+        single = all(len(d.terms) == 1 for d in definitions)
+        self._single = tuple((d.axis, d.scale, d.offset) for d in definitions) if single else None
+        rotary = any(ROTARY & set(d.axes) for d in definitions)
+        self._rollover = Rollover(definitions, variables) if rotary else None
+
+    def counts(self, targets: Mapping[str, float], here: Vector, absolute: frozenset[str] = NO_AXES) -> Vector:
+        """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`.
+
+        Raises:
+            PmacError: 003, beyond the registers of the card.
+        """
+        if self._single is not None:
+            counts = tuple([scale * targets[axis] + offset for axis, scale, offset in self._single])
+        else:
+            counts = tuple([d.counts(targets) for d in self.definitions])
+        if self._rollover is not None:
+            counts = self._rollover.unfold(counts, here, targets, absolute)
+        check_range("position", counts)
+        return counts
+
+    def velocities(self, velocities: Mapping[str, float]) -> Vector:
+        """Return motor velocities (counts/ms) for those of axes (user units a ms).
+
+        Raises:
+            PmacError: 003, beyond the registers of the card.
+        """
+        if self._single is not None:
+            counts = tuple([scale * velocities.get(axis, 0.0) for axis, scale, _ in self._single])
+        else:
+            counts = tuple([d.distance(velocities) for d in self.definitions])
+        check_range("velocity", counts)
+        return counts
+
+    def positions(self, counts: Vector) -> dict[str, float]:
+        """Return the axis positions of motor positions."""
+        by_motor = {d.motor: d for d in self.definitions}
+        return axis_positions(by_motor, {d.motor: c for d, c in zip(self.definitions, counts, strict=True)})
+
+    def limits(self) -> Limits:
+        """Ix16 and Ix17 count only while moves are not segmented (I13 = 0)."""
+        if self.segment_ms > 0.0:
+            return self._none
+        motor = self._variables.motor
+        return Limits(
+            velocity=tuple([motor(number, 16) for number in self._motors]),
+            acceleration=tuple([motor(number, 17) for number in self._motors]),
+        )
+
+    def arc(self, request: CircleRequest, start: Mapping[str, float], here: Vector, target: Vector) -> Arc:
+        """Return the arc of a circle move from axis positions `start`, which are the counts `here`.
+
+        Raises:
+            PmacError: 003, there is no such arc, or it is beyond the registers of the card.
+        """
+        arc = arc_of(
+            request,
+            start,
+            self.definitions,
+            tuple(t - h for t, h in zip(target, here, strict=True)),
+            radius_limit=self._variables.system(self._system, 96),
+            least_arc=self._variables.setting(Setting.LEAST_ARC, self._system),
+        )
+        check_range("radius", (*arc.cosine, *arc.sine))
+        return arc
+
+    def abort_rates(self) -> Vector:
+        """Return Ix15 of the motors, counts/ms^2."""
+        return tuple([self._variables.motor(number, 15) for number in self._motors])
+
+    @property
+    def segment_ms(self) -> float:
+        """I13: into what times moves are cut; 0 is not at all."""
+        return self._variables.setting(Setting.SEGMENT_MS, self._system)
+
+    def moved_by(self, axes: frozenset[str]) -> list[AxisDefinition]:
+        """Return the motors that serve any of some axes."""
+        return [d for d in self.definitions if axes & set(d.axes)]
+
+    def rapid_settings(self) -> list[JogSettings]:
+        """Return how each motor is jogged by a RAPID move: at Ix22, or at Ix16."""
+        settings = []
+        for definition in self.definitions:
+            motor = definition.motor
+            at_program_speed = self._variables.setting(Setting.RAPID_AT_PROGRAM_SPEED, motor)
+            settings.append(jog_settings(self._variables, motor, 16 if at_program_speed else 22))
+        return settings
+
+    def jog_delay_ms(self, axes: frozenset[str]) -> float:
+        """Return the greatest calculation delay of the motors that serve some axes."""
+        delay = self._variables.setting
+        return max((delay(Setting.JOG_DELAY_MS, d.motor) for d in self.moved_by(axes)), default=0.0)
+
+
+def check_range(what: str, values: Vector) -> None:
+    """Refuse what the registers of the card cannot hold; a nan is beyond them too.
+
+    Raises:
+        PmacError: 003, beyond the registers.
+    """
+    for value in values:
+        if not abs(value) <= FARTHEST_COUNTS:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{what} {value:g}, up to {FARTHEST_COUNTS:g} counts")

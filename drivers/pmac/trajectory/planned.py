@@ -1,0 +1,95 @@
+"""What a planner gives: the pieces of one look at the program, and what became of the request."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, LinearRequest, PresetRequest
+from drivers.pmac.trajectory.linear import LinearMove, Timing
+from drivers.pmac.trajectory.pieces import Piece, Vector
+
+Event = HomeRequest | PresetRequest | Halt
+"""What the owner of the motors has to carry out between two moves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MoveRecord:
+    """What was asked and what is done with it; `timing` is None for moves that are done as asked.
+
+    `asked` of a RAPID move is the time of its slowest motor, before acceleration is added.
+    """
+
+    line: int
+    target: Vector
+    asked: Timing
+    timing: Timing | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """The pieces that one look at the program gave; `finished` when nothing follows them.
+
+    An `event` is carried out when the pieces have been played; then `MotionPlanner.relocate` and
+    `ProgramRun.relocate` say where everything is, and the program goes on.
+    """
+
+    pieces: tuple[Piece, ...]
+    record: MoveRecord | None = None
+    finished: bool = False
+    event: Event | None = None
+
+
+def blended_record(line: int, target: Vector, move: LinearMove, timing: Timing) -> MoveRecord:
+    """Return the record of a LINEAR or CIRCLE move."""
+    asked = Timing(ta_ms=move.ta_ms, ts_ms=move.ts_ms, tm_ms=move.tm_ms)
+    return MoveRecord(line=line, target=target, asked=asked, timing=timing)
+
+
+def plain_record(line: int, target: Vector, tm_ms: float) -> MoveRecord:
+    """Return the record of a move that is done in the time that was asked for."""
+    return MoveRecord(line=line, target=target, asked=Timing(ta_ms=0.0, ts_ms=0.0, tm_ms=tm_ms), timing=None)
+
+
+def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Piece, ...]:
+    """Put assignments on the piece with which a move begins: the ramp into it, or else the first."""
+    if not deferred:
+        return pieces
+    begin = next((k for k, piece in enumerate(pieces) if piece.calculates), 0)
+    return (*pieces[:begin], replace(pieces[begin], deferred=deferred), *pieces[begin + 1 :])
+
+
+def circle_time_ms(request: CircleRequest, length: float) -> float:
+    """Return the time of a circle move: as told, or its length (user units) over its speed.
+
+    Raises:
+        PmacError: 003, no speed.
+    """
+    if request.tm_ms is not None:
+        return request.tm_ms
+    if not request.speed_per_ms > 0.0:
+        raise PmacError(ErrorCode.DATA_ERROR, f"a circle move at {request.speed_per_ms:g} units a ms; above 0")
+    return length / request.speed_per_ms
+
+
+def straightened(request: CircleRequest, length: float) -> LinearRequest:
+    """Return the LINEAR move that a circle move is without segmentation, or without a centre."""
+    return LinearRequest(
+        line=request.line,
+        targets=request.targets,
+        ta_ms=request.ta_ms,
+        ts_ms=request.ts_ms,
+        tm_ms=circle_time_ms(request, length),
+        absolute=request.absolute,
+        deferred=request.deferred,
+    )
+
+
+def check_segment(duration_ms: float) -> None:
+    """Refuse a PVT or SPLINE segment without a time.
+
+    Raises:
+        PmacError: 003, no time.
+    """
+    if not duration_ms > 0.0:
+        raise PmacError(ErrorCode.DATA_ERROR, f"a segment of {duration_ms:g} ms; above 0")

@@ -1,0 +1,129 @@
+"""Words about program buffers: OPEN, CLEAR, CLOSE, LIST, DELETE, SIZE, ENABLE PLC and DISABLE PLC."""
+
+from __future__ import annotations
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.message_statements import MESSAGE_READERS
+from drivers.pmac.language.syntax import PlcSwitch
+from drivers.simulator import buffers
+from drivers.simulator.commands.handler import Handler, say
+from drivers.simulator.context import Context
+
+_NOT_HERE = ("GATHER", "GAT", "TRACE", "ROTARY", "ROT", "COMP", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")
+"""Buffers that nothing here can define: there is never anything to delete."""
+
+
+def _open_program(scanner: Scanner, context: Context) -> None:
+    buffers.open_program(context, _program_number(scanner))
+
+
+def _open_plc(scanner: Scanner, context: Context) -> None:
+    buffers.open_plc(context, _plc_number(scanner))
+
+
+def _clear(_: Scanner, context: Context) -> None:
+    buffers.clear(context.controller)
+
+
+def _close(scanner: Scanner, context: Context) -> None:
+    scanner.accept("ALL")
+    buffers.close(context.controller)
+
+
+def _list_program(scanner: Scanner, context: Context) -> None:
+    """`LIST PROG 1`, `LIST PROG 1,10` from line 10, `LIST PROG 1,10,5` five lines."""
+    number = _program_number(scanner)
+    controller = context.controller
+    buffers.refuse_protected(controller, number, buffers.PROTECTED_PROGRAMS)
+    buffer = controller.programs.get(number)
+    if buffer is None:
+        raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
+    first = (scanner.take_integer() or 0) if scanner.accept(",") else 0
+    count = scanner.take_integer() if scanner.accept(",") else None
+    context.lines.extend(buffers.listing(buffer.lines, first, count))
+
+
+def _list_plc(scanner: Scanner, context: Context) -> None:
+    number = _plc_number(scanner)
+    controller = context.controller
+    buffers.refuse_protected(controller, number, buffers.PROTECTED_PLCS)
+    buffer = controller.plcs.get(number)
+    if buffer is None:
+        raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
+    context.lines.extend(buffers.listing(buffer.lines, 0, None))
+
+
+def _list_gather(_: Scanner, context: Context) -> None:
+    raise PmacError(ErrorCode.DATA_ERROR, "nothing is gathered")
+
+
+def _delete(scanner: Scanner, context: Context) -> None:
+    controller = context.controller
+    if scanner.take_word(_NOT_HERE) is not None:
+        return
+    if scanner.accept("ALL"):
+        buffers.delete_all(controller)
+    elif scanner.take_word(("PROGRAM", "PROG")) is not None:
+        buffers.delete_program(controller, _program_number(scanner))
+    else:
+        scanner.expect("PLC")
+        buffers.delete_plc(controller, _plc_number(scanner))
+
+
+def _abbreviated(target: str) -> Handler:
+    """`DEL GAT`: DEL alone is no word, so that DELAY is none of its."""
+
+    def command(scanner: Scanner, context: Context) -> None:
+        scanner.reset(scanner.mark() - len(target))
+        _delete(scanner, context)
+
+    return command
+
+
+def _switch_plc(word: str) -> Handler:
+    def command(scanner: Scanner, context: Context) -> None:
+        switch = MESSAGE_READERS[word](scanner, word)
+        assert isinstance(switch, PlcSwitch)
+        context.controller.host.switch_plc(switch.enable, switch.numbers)
+
+    return command
+
+
+def _size(context: Context) -> str:
+    """Below 0 while a buffer is open."""
+    room = buffers.room_lines(context.controller)
+    return str(room if context.controller.open_buffer is None else -room)
+
+
+def _program_number(scanner: Scanner) -> int:
+    number = scanner.take_integer()
+    if number is None or not 1 <= number <= buffers.HIGHEST_PROGRAM:
+        raise PmacError(ErrorCode.DATA_ERROR, f"a program number, 1 to {buffers.HIGHEST_PROGRAM}")
+    return number
+
+
+def _plc_number(scanner: Scanner) -> int:
+    number = scanner.take_integer()
+    if number is None or number > buffers.HIGHEST_PLC:
+        raise PmacError(ErrorCode.DATA_ERROR, f"a PLC number, 0 to {buffers.HIGHEST_PLC}")
+    return number
+
+
+WORDS: dict[str, Handler] = {
+    **dict.fromkeys(("OPENPROG", "OPENPROGRAM"), _open_program),
+    "OPENPLC": _open_plc,
+    **dict.fromkeys(("CLEAR", "CLR"), _clear),
+    **dict.fromkeys(("CLOSE", "CLS"), _close),
+    **dict.fromkeys(("LISTPROG", "LISTPROGRAM"), _list_program),
+    "LISTPLC": _list_plc,
+    **dict.fromkeys(("LISTGATHER", "LISTGAT"), _list_gather),
+    "DELETE": _delete,
+    **{f"DEL{target}": _abbreviated(target) for target in (*_NOT_HERE, "ALL", "PROGRAM", "PROG", "PLC")},
+    "SIZE": say(_size),
+}
+
+SHARED_WORDS: dict[str, Handler] = {
+    word: _switch_plc(word) for word in ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC")
+}
+"""Programs have them too."""

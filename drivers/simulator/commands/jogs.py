@@ -1,0 +1,112 @@
+"""Moving single motors: jogs, home searches, phasing, open loop and kill."""
+
+from __future__ import annotations
+
+from drivers.pmac.language.lexer import Scanner
+from drivers.simulator.commands.handler import Handler, signed_constant
+from drivers.simulator.context import Context
+from drivers.simulator.motor import Motor
+
+
+def _free_motor(context: Context) -> Motor:
+    """Return the addressed motor.
+
+    Raises:
+        PmacError: 013 not activated, 001 a program moves it.
+    """
+    motor = context.active_motor
+    context.controller.refuse_in_control(motor.number)
+    return motor
+
+
+def _jog(scanner: Scanner, context: Context) -> None:
+    motor = _free_motor(context)
+    if scanner.accept("+"):
+        motor.jog_speed(1)
+    elif scanner.accept("-"):
+        motor.jog_speed(-1)
+    elif scanner.accept("/"):
+        motor.jog_speed(0)
+    elif scanner.accept("="):
+        target = _amount(scanner, motor)
+        if target is not None:
+            motor.jog_to(target, _past_trigger(scanner))
+        else:
+            motor.jog_back()
+    elif scanner.accept(":"):
+        motor.jog_by(_distance(scanner, motor), past_trigger=_past_trigger(scanner))
+    elif scanner.accept("^"):
+        motor.jog_by(_distance(scanner, motor), from_actual=True, past_trigger=_past_trigger(scanner))
+    else:
+        raise scanner.refusal("J+ J- J/ J= J: or J^")
+
+
+def _distance(scanner: Scanner, motor: Motor) -> float:
+    distance = _amount(scanner, motor)
+    if distance is None:
+        raise scanner.refusal("a distance as in J^1000")
+    return distance
+
+
+def _amount(scanner: Scanner, motor: Motor) -> float | None:
+    """Return a constant, or with `*` the motor's variable jog register; None when neither stands there."""
+    if scanner.accept("*"):
+        return motor.variable_jog
+    return signed_constant(scanner)
+
+
+def _past_trigger(scanner: Scanner) -> float | None:
+    """`^100` behind a jog: stop at the trigger, then go so many counts past it."""
+    if not scanner.accept("^"):
+        return None
+    counts = signed_constant(scanner)
+    if counts is None:
+        raise scanner.refusal("a distance past the trigger")
+    return counts
+
+
+def _home(_: Scanner, context: Context) -> None:
+    _free_motor(context).home()
+
+
+def _home_zero(_: Scanner, context: Context) -> None:
+    _free_motor(context).home_zero()
+
+
+def _kill(_: Scanner, context: Context) -> None:
+    """A motor that is not activated is off already."""
+    context.controller.refuse_in_control(context.motor_number)
+    context.motor.kill()
+
+
+def _open_loop(scanner: Scanner, context: Context) -> None:
+    percent = signed_constant(scanner)
+    if percent is None:
+        raise scanner.refusal("an output in percent as in O10")
+    _free_motor(context).open_loop(percent)
+
+
+def _phase(_: Scanner, context: Context) -> None:
+    _free_motor(context).phase()
+
+
+def _read_absolute_position(_: Scanner, context: Context) -> None:
+    """`$*`: the motor is killed and takes the place where it is for its zero."""
+    context.controller.read_absolute_position(context.active_motor.number)
+
+
+WORDS: dict[str, Handler] = {
+    "J": _jog,
+    "HM": _home,
+    "HOME": _home,
+    "HMZ": _home_zero,
+    "HOMEZ": _home_zero,
+}
+
+LETTERS: dict[str, Handler] = {
+    "K": _kill,
+    "O": _open_loop,
+    "$": _phase,
+}
+
+ALWAYS_ON_LINE: dict[str, Handler] = {"$*": _read_absolute_position}

@@ -1,0 +1,1 @@
+"""The Ethernet board of the simulated card."""

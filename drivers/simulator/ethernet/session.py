@@ -1,0 +1,196 @@
+"""One client of the Ethernet board: requests in, each answered by one reply, strictly in their order.
+
+The board types lines on a port of the card and keeps what it says, in a queue of its own for each client, until
+a request fetches it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Generator
+
+from drivers.pmac.ethernet import (
+    NOTHING,
+    REPLY_LIMIT,
+    TAKEN,
+    Direction,
+    MalformedRequestError,
+    Request,
+    RequestCode,
+    buffer_length,
+    line_length,
+    take_request,
+    write_reply,
+)
+from drivers.simulator.connection import UNREAD_LIMIT
+from drivers.simulator.ethernet.board import Board
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.port import INBOX_LIMIT, Port
+
+CONTROL_X, BELL, CR = b"\x18", b"\x07", b"\r"
+
+REQUESTS_PER_TURN = 4
+"""Requests of one client that are answered in one turn: nobody can keep the board from the others."""
+
+_ERROR = re.compile(rb"ERR(\d{3})")
+
+Steps = Generator[None, None, bytes]
+"""Work on one request that waits for the card between two steps, and returns the reply."""
+
+
+class EthernetSession:
+    """The requests and the response queue of one client."""
+
+    def __init__(self, lathe: SimulatedLathe, port: Port, board: Board) -> None:
+        """The port is the client's own, the board is everybody's."""
+        self._lathe = lathe
+        self._port = port
+        self._board = board
+        self._received = bytearray()
+        self._incomplete = True
+        self._work: Steps | None = None
+        self._queue = bytearray()
+        self._last_write = write_reply()
+
+    @property
+    def crowded(self) -> bool:
+        """Whether more waits to be answered than there should."""
+        return len(self._received) >= INBOX_LIMIT or self._port.crowded
+
+    @property
+    def busy(self) -> bool:
+        """Whether the last turn left something that another one would get on with."""
+        if self._work is not None:
+            return self._port.idle or self._port.ready
+        return not self._incomplete or self._port.ready
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the client."""
+        self._received += data
+
+    def turn(self) -> list[bytes]:
+        """Get on with the requests; return the replies, each to be sent in one go.
+
+        Raises:
+            MalformedRequestError: what the client sends is no request.
+        """
+        replies: list[bytes] = []
+        try:
+            while len(replies) < REQUESTS_PER_TURN and (reply := self._step()) is not None:
+                replies.append(reply)
+        except MalformedRequestError:
+            if not replies:
+                raise
+            # What came before it is answered first; the next turn meets it again.
+        if self._work is None:
+            self._listen()
+        return replies
+
+    def _step(self) -> bytes | None:
+        """Get on with the request in work, or begin the next one; return the reply when it is done."""
+        if self._work is None:
+            request, used = take_request(self._received)
+            self._incomplete = request is None
+            if request is None:
+                return None
+            del self._received[:used]
+            reply = self._board.answer(request)
+            if reply is not None:
+                return reply
+            self._work = self._answer(request)
+        try:
+            next(self._work)
+        except StopIteration as done:
+            self._work = None
+            return bytes(done.value)
+        return None
+
+    def _answer(self, request: Request) -> Steps:
+        match request.code:
+            case RequestCode.GETRESPONSE:
+                self._port.receive(_line_of(request))
+                return (yield from self._fetch(buffer_length, REPLY_LIMIT))
+            case RequestCode.SENDLINE:
+                self._port.receive(_line_of(request))
+            case RequestCode.GETBUFFER:
+                return (yield from self._fetch(buffer_length, request.wanted))
+            case RequestCode.GETLINE:
+                return (yield from self._fetch(line_length, request.wanted))
+            case RequestCode.READREADY:
+                self._listen()
+                return b"\1\0" if self._queue else b"\0\0"
+            case RequestCode.CTRL_RESPONSE:
+                yield from self._type(bytes([request.control_character]))
+                return self._take(request.wanted)
+            case RequestCode.SENDCTRLCHAR:
+                yield from self._type(bytes([request.control_character]))
+            case RequestCode.FLUSH:
+                yield from self._type(CONTROL_X)
+                self._queue.clear()
+            case RequestCode.PORT if request.direction == Direction.UPLOAD:
+                self._listen()
+                return self._take(1)
+            case RequestCode.PORT:
+                yield from self._type(bytes([request.index & 0xFF]))
+            case RequestCode.WRITEBUFFER:
+                self._last_write = yield from self._write_buffer(request)
+                return self._last_write
+            case RequestCode.WRITEERROR:
+                return self._last_write
+            case _:
+                raise NotImplementedError(request.code.name)
+        return TAKEN
+
+    def _write_buffer(self, request: Request) -> Steps:
+        """Type line by line up to the first error. The answers are for the board and not for the client."""
+        yield from self._type(b"")
+        kept, self._queue = self._queue, bytearray()
+        reply = write_reply()
+        for number, line in enumerate(_lines_of(request), 1):
+            yield from self._type(line + CR)
+            if BELL in self._queue:
+                error = _ERROR.search(self._queue)
+                reply = write_reply(number, int(error[1]) if error else 0)
+                break
+            self._queue.clear()
+        self._queue = kept
+        return reply
+
+    def _type(self, data: bytes) -> Generator[None, None, None]:
+        """Hand the card something and wait until every line is answered."""
+        self._port.receive(data)
+        self._listen()
+        while not self._port.idle:
+            yield
+            self._listen()
+
+    def _fetch(self, length: Callable[[bytearray, int], int], most: int) -> Steps:
+        """Take a reply from the queue once it is complete, or once the card has nothing more to say."""
+        self._listen()
+        while not (end := length(self._queue, most)) and not self._port.idle:
+            yield
+            self._listen()
+        return self._take(end or most)
+
+    def _take(self, most: int) -> bytes:
+        data = bytes(self._queue[:most])
+        del self._queue[:most]
+        return data or NOTHING
+
+    def _listen(self) -> None:
+        """Let the card execute the next few lines, and keep what it says while there is room for it."""
+        self._lathe.attend(self._port)
+        said = self._port.take_output()
+        if len(self._queue) <= UNREAD_LIMIT:
+            self._queue += said
+
+
+def _line_of(request: Request) -> bytes:
+    """Return the line with the CR that the board adds, without the NUL that some clients send."""
+    return request.data.partition(b"\0")[0] + CR
+
+
+def _lines_of(request: Request) -> list[bytes]:
+    """Return the lines; a NUL ends one, and may be missing behind the last."""
+    lines = request.data.split(b"\0")
+    return lines if lines[-1] else lines[:-1]

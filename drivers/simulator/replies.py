@@ -1,0 +1,92 @@
+"""How the card words what it says to a host: handshake (I3), checksums (I4), errors (I6), messages (I62, I64).
+
+Pure: settings and text in, bytes out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from drivers.pmac.variables import VariableStore
+
+STX, ACK, BELL, LF, CR = b"\x02", b"\x06", b"\x07", b"\n", b"\r"
+
+_BITS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wording:
+    """The settings as they stand. Values above 3 wrap in their effect."""
+
+    handshake: int
+    checksums: bool
+    errors: int
+    silent_end: bool
+    marked: bool
+
+    @property
+    def lead(self) -> bytes:
+        """What stands in front of each line of data."""
+        return LF if self.handshake in (1, 3) else b""
+
+    @property
+    def acknowledgement(self) -> bytes:
+        """What tells that a line was accepted."""
+        return (b"", LF, ACK, ACK)[self.handshake]
+
+
+def wording(variables: VariableStore) -> Wording:
+    """Return how the card speaks at the moment."""
+    i = variables.i
+    return Wording(
+        handshake=int(i(3)) & _BITS,
+        checksums=bool(int(i(4)) & 1),
+        errors=int(i(6)) & _BITS,
+        silent_end=i(62) != 0.0,
+        marked=i(64) != 0.0,
+    )
+
+
+def data(lines: Iterable[str], how: Wording) -> bytes:
+    """Return lines of data, each with its end and, where it is wanted, with a checksum of all its bytes."""
+    said = bytearray()
+    for line in lines:
+        sent = how.lead + line.encode("ascii", "replace") + CR
+        said += sent
+        if how.checksums:
+            said.append(checksum(sent))
+    return bytes(said)
+
+
+def accepted(line: bytes, how: Wording) -> bytes:
+    """Return the acknowledgement of a line, and the checksum of the line itself."""
+    return how.acknowledgement + (bytes([checksum(line)]) if how.checksums else b"")
+
+
+def refused(code: int, how: Wording) -> bytes:
+    """Return the complaint about a line. There is no acknowledgement behind it, and no checksum."""
+    text = b"ERR%03d" % code
+    match how.errors:
+        case 1:
+            return BELL + how.lead + text + CR
+        case 3:
+            return BELL + CR + how.lead + text + CR
+        case _:
+            return BELL
+
+
+def message(text: str, how: Wording) -> bytes:
+    """Return what a program says unasked: without an acknowledgement."""
+    mark = STX if how.marked else b""
+    return mark + how.lead + text.encode("ascii", "replace") + (b"" if how.silent_end else CR)
+
+
+def complaint(code: int, how: Wording) -> bytes:
+    """Return the error of a command that a program gave; with I6 = 2 only hosts are told of errors."""
+    return b"" if how.errors == 2 else refused(code, how)
+
+
+def checksum(sent: bytes | bytearray) -> int:
+    """Return the sum of the bytes, its lowest 8 bits."""
+    return sum(sent) & 0xFF

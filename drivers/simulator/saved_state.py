@@ -1,0 +1,154 @@
+"""What SAVE keeps: settings, definitions and programs, in memory or in a file that outlives the process.
+
+The values of P, Q and M are not among it. The file is JSON, written in one step.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drivers.pmac.axes import scan_definition
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.parser import parse_line
+from drivers.pmac.language.text import format_line
+from drivers.pmac.memory import scan_pointer
+from drivers.simulator.password import Password
+from drivers.simulator.program_buffer import ProgramBuffer
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.problem import Problem, ProfileError
+
+if TYPE_CHECKING:
+    from drivers.simulator.controller import Controller
+
+CAP_BYTES = 16_000_000
+"""Above anything that a card has room for."""
+
+Texts = Mapping[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SavedState:
+    """Everything as text, by its number; `axes` are definitions such as `#1->X` by coordinate system."""
+
+    family: str
+    settings: Mapping[str, float]
+    pointers: Mapping[str, str]
+    axes: Texts
+    programs: Texts
+    plcs: Texts
+    password: str
+
+
+class Flash:
+    """The memory that keeps its contents without power; with a `path`, a file."""
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._state: SavedState | None = None
+
+    def save(self, controller: Controller) -> None:
+        """Keep the present state.
+
+        Raises:
+            ProfileError: `file.not_writable`; what was saved before is still there.
+        """
+        state = _taken(controller)
+        if self._path is not None:
+            content = json.dumps(asdict(state), indent=1).encode("ascii")
+            write_atomically(self._path, content, overwrite=True)
+        self._state = state
+
+    def power_up(self, controller: Controller) -> None:
+        """Bring back what an earlier process has saved, if there is such a file.
+
+        Raises:
+            ProfileError: `file.unreadable`, it is not ours, or of another family of controllers.
+        """
+        if self._path is None or not self._path.exists():
+            return
+        content = read_regular_file(self._path, cap_bytes=CAP_BYTES)
+        try:
+            state = _read(json.loads(content))
+            if state.family != controller.dialect.name:
+                raise ValueError(f"saved by a controller of the family {state.family}")
+            _put_back(state, controller)
+        except (ValueError, TypeError, KeyError, AttributeError, PmacError) as error:
+            where, reason = printable(str(self._path)), printable(str(error))
+            raise ProfileError(Problem(code="file.unreadable", where=where, value=reason)) from error
+        self._state = state
+
+    def restore(self, controller: Controller) -> None:
+        """Bring back what was saved; without that, the controller stays as it is."""
+        if self._state is not None:
+            _put_back(self._state, controller)
+
+
+def _taken(controller: Controller) -> SavedState:
+    variables = controller.variables
+    return SavedState(
+        family=controller.dialect.name,
+        settings={str(index): value for index, value in sorted(variables.settings().items())},
+        pointers={str(index): str(pointer) for index, pointer in sorted(variables.pointers.items())},
+        axes={
+            str(number): tuple(f"#{motor}->{text}" for motor, text in system.definitions.items())
+            for number, system in controller.systems.items()
+            if system.definitions
+        },
+        programs=_texts(controller.programs),
+        plcs=_texts(controller.plcs),
+        password=controller.password.text,
+    )
+
+
+def _texts(buffers: Mapping[int, ProgramBuffer]) -> Texts:
+    return {str(number): tuple(map(format_line, buffer.lines)) for number, buffer in sorted(buffers.items())}
+
+
+def _read(table: Mapping[str, Any]) -> SavedState:
+    return SavedState(
+        family=str(table["family"]),
+        settings={str(int(index)): float(value) for index, value in table["settings"].items()},
+        pointers={str(int(index)): str(text) for index, text in table["pointers"].items()},
+        axes=_lists(table["axes"]),
+        programs=_lists(table["programs"]),
+        plcs=_lists(table["plcs"]),
+        password=str(table["password"]),
+    )
+
+
+def _lists(table: Mapping[str, Any]) -> Texts:
+    return {str(int(number)): tuple(map(str, lines)) for number, lines in table.items()}
+
+
+def _put_back(state: SavedState, controller: Controller) -> None:
+    """Make the controller, at rest, what it was."""
+    variables = controller.variables
+    variables.replace_i({int(index): value for index, value in state.settings.items()})
+    highest = controller.dialect.highest_address
+    scanned = {int(index): scan_pointer(Scanner(text), highest) for index, text in state.pointers.items()}
+    variables.pointers.clear()
+    variables.pointers.update({index: pointer for index, pointer in scanned.items() if pointer is not None})
+    for system in controller.systems.values():
+        for motor in tuple(system.definitions):
+            system.define(motor, None)
+    for number, texts in state.axes.items():
+        for text in texts:
+            scanner = Scanner(text)
+            scanner.expect("#")
+            motor = scanner.take_integer() or 0
+            scanner.expect("->")
+            controller.systems[int(number)].define(motor, scan_definition(scanner, motor))
+    _refill(controller.programs, state.programs)
+    _refill(controller.plcs, state.plcs)
+    controller.password = Password(state.password)
+
+
+def _refill(buffers: dict[int, ProgramBuffer], texts: Texts) -> None:
+    buffers.clear()
+    for number, lines in texts.items():
+        buffers[int(number)] = ProgramBuffer([parse_line(line) for line in lines])

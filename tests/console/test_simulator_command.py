@@ -1,0 +1,91 @@
+"""`console simulator`: which listeners are opened, at what speed, and what is refused before anything listens."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from console.cli.parser import DIALECTS as OFFERED
+from drivers.link.address import TcpAddress
+from drivers.pmac.dialect import DIALECTS
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.server import Listeners
+
+Console = Callable[..., Any]
+TCP = ("--tcp", "127.0.0.1:1025")
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Listeners, float]]:
+    """What was to be served, by a server that ends at once."""
+    calls: list[tuple[Listeners, float]] = []
+
+    def serve(_: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float) -> None:
+        calls.append((listeners, speed))
+        ready("tcp:127.0.0.1:1025")
+        ready("serial:/dev/pts/7")
+
+    monkeypatch.setattr("drivers.simulator.server.serve", serve)
+    return calls
+
+
+def test_listeners_are_those_that_are_named_in_real_time(
+    console: Console, served: list[tuple[Listeners, float]]
+) -> None:
+    address = TcpAddress(host="127.0.0.1", port=1025)
+    for words in (TCP, ("--ethernet", "127.0.0.1:1025"), ("--pty",), (*TCP, "--pty", "--speed", "0.01")):
+        assert console("simulator", *words).code == 0
+    assert served == [
+        (Listeners(tcp=address), 1.0),
+        (Listeners(ethernet=address), 1.0),
+        (Listeners(pty=True), 1.0),
+        (Listeners(tcp=address, pty=True), 0.01),
+    ]
+
+
+def test_each_listener_is_a_line(console: Console, served: list[tuple[Listeners, float]]) -> None:
+    lines = [json.loads(line) for line in console("simulator", *TCP, "--pty", "--json").out.splitlines()]
+    assert [line["listening"] for line in lines] == ["tcp:127.0.0.1:1025", "serial:/dev/pts/7"]
+    assert all(line["simulated"] is True for line in lines)
+    plain = console("simulator", *TCP, "--pty").out.splitlines()
+    assert len(plain) == 2
+    assert all(line.startswith("SIM ") for line in plain)
+    assert plain[1].endswith("serial:/dev/pts/7")
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_without_a_listener_the_three_are_named(
+    console: Console, served: list[tuple[Listeners, float]], language: str
+) -> None:
+    said = console("simulator", "--lang", language)
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(option in said.err for option in ("--tcp", "--ethernet", "--pty"))
+    assert served == []
+
+
+@pytest.mark.parametrize("speed", ["0", "0.009", "100.1", "-1", "nan", "inf", "fast", ""])
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_speed_out_of_range_is_refused_with_the_range(
+    console: Console, served: list[tuple[Listeners, float]], speed: str, language: str
+) -> None:
+    said = console("simulator", *TCP, f"--speed={speed}", "--lang", language)
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(word in said.err for word in ("--speed", speed, "0.01 - 100"))
+    assert served == []
+
+
+def test_the_families_are_those_that_there_are_and_no_others(console: Console) -> None:
+    assert sorted(OFFERED) == sorted(DIALECTS)
+    said = console("simulator", *TCP, "--dialect", "power")
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(word in said.err for word in ("power", *OFFERED))
+
+
+@pytest.mark.parametrize("option", ["--tcp", "--ethernet"])
+def test_what_is_no_address_is_refused_in_its_own_words(console: Console, option: str) -> None:
+    said = console("simulator", option, "nonsense")
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(word in said.err for word in (option, "nonsense", "HOST:PORT"))

@@ -1,0 +1,187 @@
+"""Strategies for property tests: trees of every statement of the language, and lines as the parser makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import cast
+
+from hypothesis import strategies as st
+
+from drivers.pmac.language.expressions import COMPARATORS, FUNCTIONS, PRODUCTS, SUMS, negated
+from drivers.pmac.language.flow_statements import ARGUMENTS, CODES, HIGHEST_LABEL, READABLE
+from drivers.pmac.language.gathering import gather_moves
+from drivers.pmac.language.message_statements import PORTS
+from drivers.pmac.language.syntax import (
+    AXES,
+    VECTOR,
+    Argument,
+    Assign,
+    AxisWord,
+    Binary,
+    Block,
+    Call,
+    CallProgram,
+    Comparison,
+    Condition,
+    Else,
+    EndIf,
+    EndWhile,
+    Expression,
+    Feedrate,
+    Gosub,
+    Goto,
+    Home,
+    If,
+    Junction,
+    Label,
+    Line,
+    Message,
+    Move,
+    Normal,
+    Number,
+    Pause,
+    PlcSwitch,
+    Positioning,
+    Preset,
+    Read,
+    Return,
+    SelectMode,
+    Set,
+    Statement,
+    Stop,
+    Variable,
+    VariableKind,
+    Wait,
+    While,
+)
+
+constants = (
+    st.integers(-(10**6), 10**6).map(float)
+    | st.decimals(-1000, 1000, places=4).map(float)
+    | st.floats(-1e15, 1e15, allow_nan=False)
+).map(lambda value: Number(value or 0.0))
+kinds = st.sampled_from(list(VariableKind))
+plain_variables = st.builds(lambda kind, n: Variable(kind, Number(float(n))), kinds, st.integers(0, 9999))
+
+
+def grow(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    return (
+        st.builds(Binary, st.sampled_from(SUMS + PRODUCTS), inner, inner)
+        | st.builds(Call, st.sampled_from(FUNCTIONS), inner)
+        | st.builds(negated, inner)
+        | st.builds(Variable, kinds, inner)
+    )
+
+
+expressions: st.SearchStrategy[Expression] = st.recursive(constants | plain_variables, grow, max_leaves=6)
+variables = st.builds(Variable, kinds, expressions)
+comparisons = st.builds(Comparison, st.sampled_from(COMPARATORS), expressions, expressions)
+
+
+def chain(operator: str) -> Callable[[list[Condition]], Condition]:
+    def fold(parts: list[Condition]) -> Condition:
+        joined = parts[0]
+        for part in parts[1:]:
+            joined = Junction(operator, joined, part)
+        return joined
+
+    return fold
+
+
+conjunctions = st.lists(comparisons, min_size=1, max_size=3).map(
+    lambda parts: chain("AND")(cast(list[Condition], parts))
+)
+conditions = st.lists(conjunctions, min_size=1, max_size=2).map(chain("OR"))
+axes = st.sampled_from(AXES)
+
+
+def words_of(letters: tuple[str, ...], least: int = 1) -> st.SearchStrategy[tuple[AxisWord, ...]]:
+    """Words with different letters."""
+    words = st.builds(AxisWord, st.sampled_from(letters), expressions)
+    return st.lists(words, min_size=least, max_size=3, unique_by=lambda word: word.axis).map(tuple)
+
+
+letters = st.lists(axes, max_size=3).map(tuple)
+quoted = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters='"'), max_size=12)
+controls = st.integers(1, 26).map(chr)
+arguments = st.builds(Argument, st.sampled_from(ARGUMENTS), expressions)
+codes = st.builds(CallProgram, expressions, st.sampled_from(["", *CODES]))
+axis_moves = st.builds(AxisWord, axes, expressions, st.none() | expressions)
+vectors = st.builds(AxisWord, st.sampled_from([*VECTOR, "R"]), expressions)
+moves = (axis_moves | vectors).map(lambda word: Move((word,)))
+modal: st.SearchStrategy[Statement] = st.one_of(
+    st.builds(Set, st.sampled_from(["TA", "TS", "TM", "F", "PVT"]), expressions),
+    st.sampled_from(["LINEAR", "RAPID", "SPLINE1", "SPLINE2", "CIRCLE1", "CIRCLE2"]).map(SelectMode),
+    st.builds(Positioning, st.booleans(), st.lists(st.sampled_from([*AXES, "R"]), max_size=3).map(tuple)),
+    st.builds(Feedrate, letters) | st.just(Feedrate(none=True)),
+)
+assignments = st.builds(Assign, variables, expressions) | st.builds(
+    Assign,
+    st.builds(Variable, st.just(VariableKind.M), expressions),
+    expressions,
+    st.just(True),
+    st.sampled_from(["", "&", "|", "^"]),
+)
+calling: st.SearchStrategy[list[Statement]] = st.builds(
+    lambda call, tail: [call, *tail], codes, st.lists(moves | modal | assignments | arguments | codes, max_size=4)
+)
+messages = st.one_of(
+    st.builds(Message, st.sampled_from(["CMD", "SEND"]), quoted | controls, st.sampled_from(["", *PORTS])),
+    st.builds(Message, st.just("DISPLAY"), quoted, place=st.none() | st.integers(0, 79)),
+)
+numbers = st.lists(st.integers(1, 31), min_size=1, max_size=4).map(tuple)
+flow: st.SearchStrategy[Statement] = st.one_of(
+    st.builds(While, conditions),
+    st.builds(If, conditions),
+    st.sampled_from([EndWhile(), Else(), EndIf(), Return(), Pause(), Stop(), Block(True), Block(False)]),
+    st.builds(Label, st.integers(0, HIGHEST_LABEL)),
+    st.builds(Goto, expressions) | st.builds(Gosub, expressions),
+    st.lists(st.sampled_from(READABLE), min_size=1, max_size=4).map(tuple).map(Read),
+)
+others: st.SearchStrategy[Statement] = st.one_of(
+    st.builds(Normal, words_of(VECTOR)),
+    st.builds(Preset, words_of(AXES)),
+    st.builds(Home, numbers, st.booleans()),
+    st.builds(Wait, st.sampled_from(["DWELL", "DELAY"]), expressions),
+    st.builds(Argument, st.just("S"), expressions),
+    messages,
+    st.builds(PlcSwitch, st.booleans(), numbers),
+)
+statements = modal | assignments | moves | flow | others
+
+
+def canonical(loose: list[Statement]) -> Line:
+    """Make a line as the parser would: moves joined, conditions inline unless they end the line."""
+    line = gather_moves(loose)
+    marked: list[Statement] = []
+    for place, statement in enumerate(line):
+        inline = place < len(line) - 1
+        match statement:
+            case While(condition):
+                marked.append(While(condition, inline))
+            case If(condition):
+                marked.append(If(condition, inline))
+            case Else():
+                marked.append(Else(inline))
+            case _:
+                marked.append(statement)
+    return tuple(marked)
+
+
+def is_absorbed(line: Line) -> bool:
+    """Whether NORMAL or PSET would take the first word of the move behind it as its own."""
+    return any(
+        isinstance(here, Normal | Preset)
+        and isinstance(following, Move)
+        and following.words[0].axis in (VECTOR if isinstance(here, Normal) else AXES)
+        and following.words[0].axis not in [word.axis for word in here.words]
+        for here, following in pairwise(line)
+    )
+
+
+lines = (
+    st.lists(st.lists(statements, max_size=3) | calling, max_size=3)
+    .map(lambda parts: canonical([statement for part in parts for statement in part]))
+    .filter(lambda line: not is_absorbed(line))
+)

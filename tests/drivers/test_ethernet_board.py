@@ -1,0 +1,350 @@
+"""The Ethernet board in front of a simulated card: what a client sends, and the very bytes that it gets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.pmac.ethernet import Direction, MalformedRequestError, Request, RequestCode
+from drivers.simulator.ethernet.board import Board
+from drivers.simulator.ethernet.session import EthernetSession
+from drivers.simulator.machine import SimulatedLathe
+from profiles.store import load_machine
+
+if TYPE_CHECKING:
+    from profiles.machine import MachineProfile
+
+CYCLE_S = 0.005
+"""A little more than one background cycle of the bundled machine, 11 x 443 us."""
+
+UPLOADS = {
+    RequestCode.GETLINE,
+    RequestCode.GETMEM,
+    RequestCode.READREADY,
+    RequestCode.CTRL_RESPONSE,
+    RequestCode.GETBUFFER,
+    RequestCode.WRITEERROR,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Client:
+    """One client of a board."""
+
+    lathe: SimulatedLathe
+    session: EthernetSession
+
+    def send(self, data: bytes) -> list[bytes]:
+        """Send bytes; return the replies, each as it is sent. Time passes only where the card wants it to."""
+        self.session.receive(data)
+        replies = self.session.turn()
+        while self.session.busy or not self.session._port.idle:
+            if not self.session.busy:
+                self.lathe.wait(CYCLE_S)
+            replies += self.session.turn()
+        return replies
+
+    def ask(
+        self,
+        code: RequestCode,
+        data: bytes = b"",
+        *,
+        value: int = 0,
+        index: int = 0,
+        length: int | None = None,
+        direction: Direction | None = None,
+    ) -> bytes:
+        """Send one request and return its one reply."""
+        way = direction or (Direction.UPLOAD if code in UPLOADS else Direction.DOWNLOAD)
+        size = len(data) if length is None else length
+        request = Request(direction=way, code=code, value=value, index=index, length=size, data=data)
+        (reply,) = self.send(request.encode())
+        return reply
+
+    def response(self, line: bytes) -> bytes:
+        return self.ask(RequestCode.GETRESPONSE, line)
+
+    def fetched(self) -> bytes:
+        return self.ask(RequestCode.GETBUFFER)
+
+
+Connect = Callable[[], Client]
+
+
+@pytest.fixture
+def connect(machine: MachineProfile) -> Connect:
+    """Clients of one board, in the handshake that clients use."""
+    lathe, board = SimulatedLathe(machine), Board()
+
+    def one_more() -> Client:
+        client = Client(lathe=lathe, session=EthernetSession(lathe, lathe.connect(), board))
+        assert client.response(b"I6=1 I3=2") == b"\x06"
+        return client
+
+    return one_more
+
+
+@pytest.fixture
+def client(connect: Connect) -> Client:
+    return connect()
+
+
+def test_the_first_line_of_a_client_is_answered_with_the_version_alone(client: Client) -> None:
+    client.lathe.controller.variables.replace_i({3: 1, 6: 3})
+    (reply,) = client.send(bytes.fromhex("40bf00000000000d") + b"i6=1 i3=2 ver")
+    number, rest = reply.split(b"\r")
+    assert float(number) > 1
+    assert rest == b"\x06"
+
+
+def test_lines_are_answered_up_to_their_acknowledgement_or_error(client: Client) -> None:
+    assert client.response(b"P1=25 P2=50 P1..2") == b"25\r50\r\x06"
+    assert client.response(b"UUU") == b"\x07ERR003\r"
+    assert client.response(b"P1 UUU P2") == b"25\r\x07ERR003\r"
+    assert client.response(b"") == b"\x06"
+    assert client.response(b"P1\0P2") == b"25\r\x06"
+
+
+def test_a_long_response_comes_in_pieces_of_1400_bytes(client: Client) -> None:
+    """1001 values of two bytes and the acknowledgement: 1400 and 603 bytes."""
+    first = client.response(b"P0..1000")
+    assert client.ask(RequestCode.READREADY, length=2)[0] != 0
+    second = client.fetched()
+    assert (len(first), len(second)) == (1400, 603)
+    assert first + second == b"0\r" * 1001 + b"\x06"
+    assert client.ask(RequestCode.READREADY, length=2) == b"\0\0"
+    assert client.fetched() == b"\0"
+
+
+def test_what_sendline_brings_is_fetched_later_and_in_order(client: Client) -> None:
+    assert client.ask(RequestCode.SENDLINE, b"P1=7 P1") == b"@"
+    assert client.ask(RequestCode.SENDLINE, b"UUU") == b"@"
+    assert client.ask(RequestCode.SENDLINE, b"P2..3") == b"@"
+    assert client.ask(RequestCode.READREADY, length=2)[0] != 0
+    assert client.fetched() == b"7\r\x06"
+    assert client.fetched() == b"\x07ERR003\r"
+    assert [client.ask(RequestCode.GETLINE) for _ in range(4)] == [b"0\r", b"0\r", b"\x06", b"\0"]
+
+
+def test_what_nobody_fetched_comes_before_the_response_to_the_next_line(client: Client) -> None:
+    client.ask(RequestCode.SENDLINE, b"P1=7 P1")
+    assert client.response(b"P1=8 P1") == b"7\r\x06"
+    assert client.fetched() == b"8\r\x06"
+
+
+def test_a_flush_forgets_what_waits(client: Client) -> None:
+    client.ask(RequestCode.SENDLINE, b"P0..1000")
+    assert client.ask(RequestCode.FLUSH, value=500) == b"@"
+    assert client.ask(RequestCode.READREADY, length=2) == b"\0\0"
+    assert client.response(b"P1") == b"0\r\x06"
+
+
+def test_fewer_bytes_are_fetched_when_the_client_has_room_for_fewer(client: Client) -> None:
+    client.ask(RequestCode.SENDLINE, b"P1=12345 P1")
+    assert client.ask(RequestCode.GETBUFFER, length=3) == b"123"
+    assert client.ask(RequestCode.GETBUFFER, length=2048) == b"45\r\x06"
+
+
+@pytest.mark.parametrize(
+    ("handshake", "good", "silent", "bad"),
+    [
+        (b"I3=0 I6=1", [b"1\r2\r"], [b"\0"], [b"\x07ERR003\r"]),
+        (b"I3=0 I6=0", [b"1\r2\r"], [b"\0"], [b"\x07"]),
+        (b"I3=1 I6=1", [b"\n", b"1\r\n", b"2\r\n"], [b"\n"], [b"\x07\nERR003\r"]),
+        (b"I3=2 I6=1", [b"1\r2\r\x06"], [b"\x06"], [b"\x07ERR003\r"]),
+        (b"I3=2 I6=3", [b"1\r2\r\x06"], [b"\x06"], [b"\x07\r", b"ERR003\r"]),
+        (b"I3=2 I6=2", [b"1\r2\r\x06"], [b"\x06"], [b"\x07"]),
+        (b"I3=3 I6=1", [b"\n", b"1\r\n", b"2\r\x06"], [b"\x06"], [b"\x07\nERR003\r"]),
+    ],
+)
+def test_in_other_handshakes_the_board_ends_a_reply_at_the_same_characters(
+    client: Client, handshake: bytes, good: list[bytes], silent: list[bytes], bad: list[bytes]
+) -> None:
+    client.response(handshake)
+    client.ask(RequestCode.FLUSH)
+    for line, replies in ((b"P1=1 P2=2 P1..2", good), (b"P3=1", silent), (b"UUU", bad)):
+        assert [client.response(line), *(client.fetched() for _ in replies[1:])] == replies
+        assert client.fetched() == b"\0"
+
+
+@pytest.mark.parametrize("code", [RequestCode.CTRL_RESPONSE, RequestCode.SENDCTRLCHAR])
+@pytest.mark.parametrize("on_the_wire", [0x000B, 0x0B00])
+def test_a_control_k_kills_and_is_answered_by_one_byte(
+    client: Client, code: RequestCode, on_the_wire: int
+) -> None:
+    client.response(b"#1J/")
+    assert client.lathe.controller.motors[1].enabled
+    assert len(client.ask(code, value=on_the_wire, length=1)) == 1
+    assert not client.lathe.controller.motors[1].enabled
+
+
+def test_raw_bytes_through_the_host_port_are_a_line_typed_by_hand(client: Client) -> None:
+    for byte in b"P1=9 P1\r":
+        assert client.ask(RequestCode.PORT, index=byte, value=7) == b"@"
+    upload = Direction.UPLOAD
+    assert [client.ask(RequestCode.PORT, direction=upload) for _ in range(4)] == [b"9", b"\r", b"\x06", b"\0"]
+
+
+def test_lines_of_a_write_buffer_are_typed_and_answered_as_one(client: Client) -> None:
+    lines = b"OPEN PROG 1\0CLEAR\0X10\0X20\0CLOSE\0P5=42\0"
+    assert client.ask(RequestCode.WRITEBUFFER, lines) == b"\0\0\0\0"
+    assert client.fetched() == b"\0"
+    assert client.response(b"LIST PROG 1") == b"X10\rX20\r\x06"
+    assert client.ask(RequestCode.WRITEBUFFER, lines[:-1]) == b"\0\0\0\0"
+    assert client.response(b"P5") == b"42\r\x06"
+
+
+@pytest.mark.parametrize(
+    ("handshake", "error_number"),
+    [(b"I3=2 I6=1", 5), (b"I3=2 I6=3", 5), (b"I3=1 I6=1", 5), (b"I3=0 I6=3", 5), (b"I3=2 I6=0", 0)],
+)
+def test_a_write_buffer_ends_at_the_first_error_with_its_line_and_number(
+    client: Client, handshake: bytes, error_number: int
+) -> None:
+    client.response(handshake)
+    client.ask(RequestCode.FLUSH)
+    reply = client.ask(RequestCode.WRITEBUFFER, b"P1=1\0\0X10\0P1=2\0")
+    assert reply == bytes([3, 0, error_number, 0x80])
+    assert client.ask(RequestCode.WRITEERROR, length=4) == reply
+    assert client.fetched() == b"\0"
+    client.response(b"I3=2 I6=1")
+    client.ask(RequestCode.FLUSH)
+    assert client.response(b"P1") == b"1\r\x06"
+    client.ask(RequestCode.WRITEBUFFER, b"P1=3\0")
+    assert client.ask(RequestCode.WRITEERROR) == b"\0\0\0\0"
+
+
+def test_a_line_number_above_255_takes_both_bytes(client: Client) -> None:
+    assert client.ask(RequestCode.WRITEBUFFER, b"\0" * 300 + b"UUU\0") == b"\x2d\x01\x03\x80"
+
+
+def test_a_write_buffer_leaves_what_waited_before_it(client: Client) -> None:
+    """A hundred lines are more than are executed in one cycle, and the last but one of them is wrong."""
+    data = b"P1\r" * 98 + b"\rUUU\r"
+    line = Request(direction=Direction.DOWNLOAD, code=RequestCode.SENDLINE, length=len(data), data=data)
+    lines = Request(direction=Direction.DOWNLOAD, code=RequestCode.WRITEBUFFER, length=11, data=b"P2=1\0P2\0P3\0")
+    assert client.send(line.encode() + lines.encode()) == [b"@", b"\0\0\0\0"]
+    fetched = [client.fetched() for _ in range(102)]
+    assert fetched == [b"0\r\x06"] * 98 + [b"\x06", b"\x07ERR003\r", b"\x06", b"\0"]
+
+
+def test_all_clients_see_one_memory_and_each_bit_can_be_changed_alone(connect: Connect) -> None:
+    one, other = connect(), connect()
+    assert one.ask(RequestCode.SETMEM, b"\x0f\0\xf0\xff", value=100) == b"@"
+    assert other.ask(RequestCode.SETMEM, b"z", value=65_535, direction=Direction.UPLOAD) == b"@"
+    assert other.ask(RequestCode.GETMEM, value=99, length=6) == b"\0\x0f\0\xf0\xff\0"
+    assert one.ask(RequestCode.GETMEM, value=65_535, length=1) == b"z"
+    assert one.ask(RequestCode.SETBIT, b"\0\x01\0\0", value=100, index=1) == b"@"
+    assert one.ask(RequestCode.SETBIT, b"\xfe\xff\xff\xff", value=100, index=0) == b"@"
+    assert one.ask(RequestCode.GETMEM, value=100, length=4) == b"\x0e\x01\xf0\xff"
+    assert one.ask(RequestCode.SETBITS, b"\x01\0\0\0" + b"\x0e\0\0\xff", value=100) == b"@"
+    assert one.ask(RequestCode.GETMEM, value=100, length=4) == b"\x01\x01\xf0\0"
+    assert one.ask(RequestCode.SETBITS, b"\xff\0\0\0" + b"\x0f\0\0\0", value=100) == b"@"
+    assert one.ask(RequestCode.GETMEM, value=100, length=1) == b"\xf0"
+
+
+def test_a_new_address_is_kept_and_firmware_changes_nothing(connect: Connect) -> None:
+    one, other = connect(), connect()
+    assert one.ask(RequestCode.IPADDRESS, direction=Direction.UPLOAD, length=4) == bytes((192, 6, 94, 5))
+    assert one.ask(RequestCode.IPADDRESS, bytes((10, 0, 0, 9))) == bytes((10, 0, 0, 9))
+    assert other.ask(RequestCode.IPADDRESS, direction=Direction.UPLOAD) == bytes((10, 0, 0, 9))
+    assert one.ask(RequestCode.FWDOWNLOAD, b"\x12\x34" * 700, value=1) == b"@"
+    assert one.response(b"P1") == b"0\r\x06"
+
+
+def test_each_client_has_its_own_addressing_and_its_own_queue(connect: Connect) -> None:
+    one, other = connect(), connect()
+    one.ask(RequestCode.SENDLINE, b"#2 P1=1 P1")
+    other.ask(RequestCode.SENDLINE, b"#3 P2=2 P2")
+    assert (one.fetched(), other.fetched()) == (b"1\r\x06", b"2\r\x06")
+    assert (one.response(b"#"), other.response(b"#")) == (b"2\r\x06", b"3\r\x06")
+
+
+def test_a_control_x_of_one_client_leaves_the_queue_of_the_other(connect: Connect) -> None:
+    one, other = connect(), connect()
+    other.ask(RequestCode.SENDLINE, b"P1")
+    one.ask(RequestCode.FLUSH)
+    assert other.fetched() == b"0\r\x06"
+
+
+def test_requests_in_one_segment_are_answered_in_order_one_reply_each(client: Client) -> None:
+    lines = [b"P1=%d P1" % number for number in range(50)]
+    requests = [
+        Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(line), data=line)
+        for line in lines
+    ]
+    replies = client.send(b"".join(request.encode() for request in requests))
+    assert replies == [b"%d\r\x06" % number for number in range(50)]
+
+
+def test_what_came_before_garbage_is_answered_and_then_it_is_told(client: Client) -> None:
+    client.session.receive(bytes.fromhex("40bf000000000002") + b"P1" + b"garbage")
+    assert client.session.turn() == [b"0\r\x06"]
+    assert client.session.busy
+    for _ in range(2):
+        with pytest.raises(MalformedRequestError):
+            client.session.turn()
+
+
+def test_a_client_that_never_fetches_costs_no_more_than_so_much_memory(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An answer of 2003 bytes is still kept whole when it is the one that goes beyond the limit."""
+    monkeypatch.setattr("drivers.simulator.ethernet.session.UNREAD_LIMIT", 10_000)
+    kept = b""
+    for _ in range(30):
+        client.ask(RequestCode.SENDLINE, b"P0..1000")
+    while (piece := client.fetched()) != b"\0":
+        kept += piece
+    assert kept == (b"0\r" * 1001 + b"\x06") * 5
+    assert client.response(b"P1") == b"0\r\x06"
+
+
+SIZES = {RequestCode.SETBIT: 4, RequestCode.SETBITS: 8, RequestCode.IPADDRESS: 4}
+
+
+@st.composite
+def well_formed(draw: st.DrawFn) -> bytes:
+    """A request that the board takes, with anything at all in it."""
+    code = draw(st.sampled_from(RequestCode))
+    if code in UPLOADS:
+        request = Request(
+            direction=Direction.UPLOAD,
+            code=code,
+            value=draw(st.integers(0, 0x1F)),
+            length=draw(st.integers(1, 1400)),
+        )
+        return request.encode()
+    size = SIZES.get(code)
+    data = draw(st.binary(min_size=size or 1, max_size=size or 60))
+    bare = code in (RequestCode.FLUSH, RequestCode.PORT, RequestCode.SENDCTRLCHAR)
+    request = Request(
+        direction=Direction.DOWNLOAD,
+        code=code,
+        value=draw(st.integers(0, 0x1F)),
+        index=draw(st.integers(0, 0xFFFF)),
+        length=len(data),
+        data=b"" if bare else data,
+    )
+    return request.encode()
+
+
+@given(st.lists(well_formed(), max_size=8), st.binary(max_size=20))
+def test_each_request_has_one_reply_whatever_is_in_it_and_garbage_only_closes(
+    sent: list[bytes], garbage: bytes
+) -> None:
+    lathe = SimulatedLathe(load_machine("lee-2001-lathe").machine)
+    client = Client(lathe=lathe, session=EthernetSession(lathe, lathe.connect(), Board()))
+    replies = client.send(b"".join(sent))
+    assert len(replies) == len(sent)
+    assert all(1 <= len(reply) <= 1400 for reply in replies)
+    lathe.wait(0.01)
+    with suppress(MalformedRequestError):
+        client.send(garbage)
+    lathe.wait(0.01)

@@ -1,0 +1,77 @@
+"""A card with one host, and nothing between them but bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.pmac.dialect import Dialect
+from drivers.simulator.controller import Controller
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.port import Port
+from profiles.machine import MachineProfile
+
+ACK, BELL, STX, LF, CR = b"\x06", b"\x07", b"\x02", b"\n", b"\r"
+CYCLE_S = 0.005
+"""A little more than one background cycle of the bundled machine."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wire:
+    """I3=2 and I6=1 unless a test sets them otherwise."""
+
+    sim: SimulatedLathe
+    port: Port
+
+    @property
+    def card(self) -> Controller:
+        return self.sim.controller
+
+    def raw(self, data: str | bytes) -> bytes:
+        """Send bytes and return what the card says at once, without time passing."""
+        self.port.receive(data.encode("latin-1") if isinstance(data, str) else data)
+        while not self.port.idle or self.port.ready:
+            self.sim.attend(self.port)
+            if not self.port.ready:
+                break
+        return self.port.take_output()
+
+    def ask(self, line: str) -> list[str]:
+        """Return the lines of data that a line answers."""
+        said = self.raw(line + "\r")
+        assert said.endswith(ACK), (line, said)
+        data = said[:-1].decode("ascii")
+        assert not data or data.endswith("\r")
+        return data.split("\r")[:-1]
+
+    def tell(self, *lines: str) -> None:
+        """Send lines that answer nothing."""
+        for line in lines:
+            assert self.ask(line) == [], line
+
+    def refusal(self, line: str) -> int:
+        """Return the number of the error that a line is answered with, and with nothing else."""
+        said = self.raw(line + "\r")
+        assert len(said) == 8, (line, said)
+        assert said.startswith(BELL + b"ERR"), (line, said)
+        assert said.endswith(CR), (line, said)
+        return int(said[4:7])
+
+    def settle(self, timeout_s: float = 60.0) -> None:
+        """Let time pass until nothing moves any more."""
+        end = self.sim.now_s() + timeout_s
+        while self.sim.now_s() < end:
+            self.sim.wait(0.02)
+            systems = self.card.systems.values()
+            if not any(motor.jogging for motor in self.card.motors.values()) and not any(
+                system.moving or system.running for system in systems
+            ):
+                return
+        raise AssertionError(f"still moving after {timeout_s} s")
+
+
+def wire(machine: MachineProfile, dialect: Dialect | None = None, saved: Path | None = None) -> Wire:
+    sim = SimulatedLathe(machine, dialect=dialect, saved=saved)
+    made = Wire(sim=sim, port=sim.connect())
+    made.raw("I3=2 I6=1\r")
+    return made
