@@ -119,7 +119,7 @@ P630=0 ; ours: moves done
 P640=0 ; ours: moves to the end of the present turn
 TA{ta} TS{ts} F50000
 X{depth} ; depth of cut, clear of the part
-DWELL0 ; ours: the run-up starts from rest, or its ramp would be as short as this move
+DWELL0 ; ours: the run-up begins from rest
 TA{slow} TS{slow_ts} TM(P621) Y(P620) ; ours: run-up
 TA{ta} TS{ts} ; ours: back to the times of the cut
 WHILE(P630<P640 OR {flag}=0 AND P630<P610) ; ours: the count of moves
