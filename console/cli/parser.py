@@ -129,6 +129,7 @@ def _simulator(commands: _Commands, text: Catalogue) -> None:
     parser.add_argument("--pty", action="store_true", help=text("help.pty"))
     _machine(parser, text)
     parser.add_argument("--dialect", choices=DIALECTS, help=text("help.dialect"))
+    parser.add_argument("--saved", metavar="FILE", help=text("help.saved"))
     parser.add_argument("--speed", metavar="X", type=_speed, default=1.0, help=text("help.speed"))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from argparse import Namespace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.cli.library import machine_of
@@ -35,13 +36,15 @@ def main(options: Namespace, text: Catalogue) -> int:
         sys.stdout.flush()
 
     listeners = Listeners(tcp=options.tcp, ethernet=options.ethernet, pty=options.pty)
-    serve(_lathe(machine, options.dialect), listeners, ready, options.speed)
+    lathe = _lathe(machine, options.dialect, options.saved)
+    serve(lathe, listeners, ready, options.speed)
     return 0
 
 
-def _lathe(machine: MachineProfile, dialect: str | None) -> SimulatedLathe:
+def _lathe(machine: MachineProfile, dialect: str | None, saved: str | None) -> SimulatedLathe:
     """Return the machine with the controller that its profile names, or with the one that is asked for."""
     from drivers.pmac.dialect import DIALECTS
     from drivers.simulator.machine import SimulatedLathe
 
-    return SimulatedLathe(machine) if dialect is None else SimulatedLathe(machine, dialect=DIALECTS[dialect])
+    family = DIALECTS[dialect or machine.controller.family]
+    return SimulatedLathe(machine, dialect=family, saved=Path(saved) if saved else None)

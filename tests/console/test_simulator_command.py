@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -89,3 +90,14 @@ def test_what_is_no_address_is_refused_in_its_own_words(console: Console, option
     said = console("simulator", option, "nonsense")
     assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
     assert all(word in said.err for word in (option, "nonsense", "HOST:PORT"))
+
+
+def test_a_file_that_save_did_not_write_is_refused_before_anything_listens(
+    console: Console, served: list[tuple[Listeners, float]], tmp_path: Path
+) -> None:
+    other = tmp_path / "notes.json"
+    other.write_text("[1, 2]", encoding="utf-8")
+    result = console("simulator", *TCP, "--saved", str(other))
+    assert result.code == 1
+    assert "notes.json" in result.err
+    assert served == []

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -228,3 +229,18 @@ def test_people_read_a_line_for_each_address() -> None:
         assert process.wait(PATIENCE_S) == 0
     assert re.fullmatch(r"SIM  lee-2001-lathe .* ethernet:127\.0\.0\.1:\d+\n", lines[0])
     assert re.fullmatch(r"SIM  lee-2001-lathe .* serial:/dev/pts/\d+\n", lines[1])
+
+
+def test_what_was_saved_outlives_the_power(serve: Serve, tmp_path: Path) -> None:
+    flash = tmp_path / "card.json"
+    words = ("--tcp", "127.0.0.1:0", "--saved", str(flash))
+    with serve(*words) as running, connected(running.tcp) as host:
+        typed(host, b"I3=2 I6=1")
+        assert typed(host, b"I122=77 P7=5") == b"\x06"
+        assert typed(host, b"SAVE") == b"\x06"
+        assert typed(host, b"I122=78") == b"\x06"
+        running.process.kill()
+        running.process.wait(PATIENCE_S)
+    with serve(*words) as running, connected(running.tcp) as host:
+        assert typed(host, b"I3 I6 I122 P7") == b"2\r1\r77\r0\r\x06"
+        assert running.end() == (0, "", "")
