@@ -43,7 +43,8 @@ class PmacClient:
         self.link.send(FLUSH)
         self._drain()
         # An earlier client may have left half a line behind: the empty line ends it, its error is not ours.
-        self.link.send(b"\r")
+        # Checksums may be on (I4), and would stand behind every answer.
+        self.link.send(b"\rI4=0\r")
         self._drain()
         try:
             self.request("I3=2 I6=1")

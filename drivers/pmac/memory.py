@@ -30,7 +30,7 @@ class Pointer:
     """`M1->Y:$C0,0,24,S`: `space` X, Y, D (48 bits fixed), L (48 bits floating), DP, F, TWB, TWD, TWR or TWS.
 
     `offset` and `width` in bits, for X and Y; for TWB and TWD as their accessories count them. A width of 24 at
-    offset 0 is the whole word.
+    offset 0 is the whole word. TWR has an offset alone, and TWS neither.
     """
 
     space: str
@@ -46,6 +46,10 @@ class Pointer:
         if self.space in SHORT_SPACES:
             width = f",{self.width}" if self.width != 1 or self.signed else ""
             return f"{self.space}:${self.address:X},{self.offset}{width}{sign}"
+        if self.space == "TWS":
+            return f"TWS:{self.address}"
+        if self.space == "TWR":
+            return f"TWR:{self.address},{self.offset}"
         return f"{self.space}:{self.address},{self.offset},{self.width}{sign}"
 
 
@@ -78,8 +82,12 @@ def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:
         return Pointer(space=space, address=address)
     if space in SHORT_SPACES:
         return _part_of_word(scanner, space, address)
+    if space == "TWS":
+        return Pointer(space=space, address=address)
     scanner.expect(",")
     offset = _integer(scanner, 7)
+    if space == "TWR":
+        return Pointer(space=space, address=address, offset=offset)
     scanner.expect(",")
     width = _integer(scanner, 32)
     return Pointer(space=space, address=address, offset=offset, width=width, signed=_signed(scanner))

@@ -40,6 +40,11 @@ class Context:
         return self.controller.variables.dialect
 
     @property
+    def all_cards(self) -> bool:
+        """Whether the host means every card on its line."""
+        return self.card_number == ALL_CARDS
+
+    @property
     def motor(self) -> Motor:
         """The addressed motor."""
         return self.controller.motors[self.motor_number]

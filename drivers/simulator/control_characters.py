@@ -40,7 +40,7 @@ ACTIONS: Mapping[int, Action] = {
     control("C"): _systems,
     control("D"): _disable_plcs,
     control("F"): _motors(lambda _, motor: reports.following_error(motor)),
-    control("G"): lambda context: reports.global_status(context.controller),
+    control("G"): lambda context: reports.global_status(context.controller, all_cards=context.all_cards),
     control("K"): lambda context: context.controller.kill_all(),
     control("O"): lambda context: context.controller.hold_all(),
     control("P"): _motors(lambda context, motor: reports.position(context.controller, motor)),

@@ -13,6 +13,7 @@ from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.structure import Code
 from drivers.pmac.requests import Deferred, Halt, HomeRequest, PresetRequest, ProgramHost
+from drivers.pmac.trajectory.circle import CircleRadiusError
 from drivers.pmac.trajectory.pieces import Piece, Vector
 from drivers.pmac.trajectory.planned import Event
 from drivers.pmac.trajectory.planner import MotionPlanner
@@ -54,6 +55,7 @@ class CoordinateSystem:
         self.end_of_block_stop = False
         self.program_hold = False
         self.runtime_error = False
+        self.radius_error = False
         self.resume_error = False
         self.busy = False
         self._variables = variables
@@ -86,6 +88,11 @@ class CoordinateSystem:
     def dwelling(self) -> bool:
         """Whether a DWELL is under way."""
         return self._player is not None and self._player.in_real_time
+
+    @property
+    def homing(self) -> bool:
+        """Whether a HOME of the program is under way."""
+        return bool(self._homing)
 
     @property
     def in_control(self) -> bool:
@@ -198,7 +205,7 @@ class CoordinateSystem:
         self.program_number = self._label = None
         self.modes = Modes()
         self.time_base.reset()
-        self.runtime_error = self.resume_error = False
+        self.runtime_error = self.radius_error = self.resume_error = False
         self.single_step = self.end_of_block_stop = self.program_hold = False
 
     def match_positions(self) -> None:
@@ -351,7 +358,8 @@ class CoordinateSystem:
             motor.stopped_at = None
             motor.travel.stopped = False
         self._player = Player(self.frame.places, self._refill, self._assign)
-        self.running, self.runtime_error, self.busy = True, False, True
+        self.running, self.busy = True, True
+        self.runtime_error = self.radius_error = False
 
     def _refill(self) -> Iterable[Piece]:
         run, planner = self._run, self._planner
@@ -367,8 +375,9 @@ class CoordinateSystem:
             elif self.single_step and not run.in_block:
                 pieces += planner.settle()
                 self.running = False
-        except PmacError:
+        except PmacError as failed:
             self.running, self.runtime_error = False, True
+            self.radius_error = isinstance(failed, CircleRadiusError)
             self._run = None
             return self._halt()
         self._event, self._newest = planned.event, pieces

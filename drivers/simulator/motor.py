@@ -37,7 +37,8 @@ class Motor:
     Positions are counts from the motor's zero. What is reported, and what a jog is told, has `bias` added, by
     which PSET and its like have moved the zero of the axes. `enabled` is closed loop. `program_timer` is whether
     a coordinate system is playing a program with this motor, and `stopped_at` where a program that can be resumed
-    has left it. `fault_input` is what the amplifier says; somebody else sets it, as the pins of `travel`.
+    has left it; `pre_jog` is whether it is on its way back there (J=). `fault_input` is what the amplifier says;
+    somebody else sets it, as the pins of `travel`.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -57,6 +58,7 @@ class Motor:
         self.aborting = False
         self.trigger_move = False
         self.program_timer = False
+        self.pre_jog = False
         self.stopped_at: float | None = None
         self.travel = TravelLimits()
         self._output: float | None = None
@@ -282,6 +284,7 @@ class Motor:
     def jog_back(self) -> None:
         """Jog to where a stopped program left the motor, or else to where it stood before its last jog."""
         self._jog(self._before_jog if self.stopped_at is None else self.stopped_at, None)
+        self.pre_jog = self.jogging and not self.travel.stopped
 
     def home(self) -> None:
         """Search the home trigger at Ix23; Ix13 and Ix14 mean nothing until it is found."""
@@ -359,7 +362,7 @@ class Motor:
         commands = self._player.sample(cycles, cycle_ms)[0]
         if self._player.idle:
             self._player = None
-            self.aborting = False
+            self.aborting = self.pre_jog = False
             self._next_stage(commands[-1])
         return commands
 
@@ -423,7 +426,7 @@ class Motor:
         self._player = None
         self._stage = None
         self.trigger_move = False
-        self.aborting = False
+        self.aborting = self.pre_jog = False
 
     def _jog_settings(self) -> JogSettings:
         ta_ms, ts_ms = (float(max(0, math.floor(self.variable(n) + 0.5))) for n in (20, 21))

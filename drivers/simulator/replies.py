@@ -13,6 +13,8 @@ from drivers.pmac.variables import VariableStore
 STX, ACK, BELL, LF, CR = b"\x02", b"\x06", b"\x07", b"\n", b"\r"
 
 _BITS = 3
+_LINE_FEEDS = 1
+"""The bit of I3 that puts line feeds in front of data, and in the place of no acknowledgement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,8 +41,12 @@ class Wording:
 def wording(variables: VariableStore) -> Wording:
     """Return how the card speaks at the moment."""
     i = variables.i
+    handshake = int(i(3)) & _BITS
+    switch = variables.dialect.no_line_feeds_switch
+    if switch is not None and i(switch):
+        handshake &= ~_LINE_FEEDS
     return Wording(
-        handshake=int(i(3)) & _BITS,
+        handshake=handshake,
         checksums=bool(int(i(4)) & 1),
         errors=int(i(6)) & _BITS,
         silent_end=i(62) != 0.0,

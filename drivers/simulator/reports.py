@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from drivers.pmac.dialect import Setting
 from drivers.pmac.language.text import format_number
 from drivers.pmac.status import digits_of, pack
 from drivers.simulator.controller import Controller
@@ -11,6 +12,8 @@ VELOCITY_STEP = 0.1
 """V and control-V are rounded to this, in counts per servo cycle."""
 
 _AXES = "ABCUVWXYZ"
+_BLENDING_OFF = 92
+_SEGMENTED = ("LINEAR", "CIRCLE1", "CIRCLE2")
 _SYSTEM_BIT = 20
 _AXIS_BIT = 16
 
@@ -49,9 +52,9 @@ def system_status(controller: Controller, number: int) -> str:
     return digits_of(system_words(controller, number))
 
 
-def global_status(controller: Controller) -> str:
-    """The digits of `???`."""
-    return digits_of(global_words(controller))
+def global_status(controller: Controller, *, all_cards: bool = False) -> str:
+    """The digits of `???`, for a host that has addressed this card alone or `all_cards` of its line."""
+    return digits_of(global_words(controller, all_cards=all_cards))
 
 
 def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
@@ -91,34 +94,41 @@ def system_words(controller: Controller, number: int) -> tuple[int, ...]:
     system = controller.systems[number]
     motors = system.motors
     modes = system.modes
+    variables = controller.variables
+    continuous = system.running and not system.single_step and not variables.system(number, _BLENDING_OFF)
+    segmented = modes.mode in _SEGMENTED and variables.setting(Setting.SEGMENT_MS, number) > 0.0
     conditions = {
         **{f"{axis.lower()}_incremental": axis in modes.incremental for axis in _AXES},
         **{f"{axis.lower()}_feedrate": axis in modes.feedrate_axes for axis in _AXES},
         "radius_incremental": modes.radius_incremental,
         "by_move_time": modes.by_move_time,
-        "continuous_request": system.running and not system.single_step,
-        "continuous_motion": system.running,
+        "continuous_request": continuous,
+        "continuous_motion": continuous and not system.dwelling and not system.homing,
         "single_step": system.single_step,
         "running_program": system.running,
         "runtime_error": system.runtime_error,
+        "circle_radius_error": system.radius_error,
         "amplifier_fault": any(motor.amplifier_fault for motor in motors),
         "fatal_following_error": any(motor.fatal_error for motor in motors),
         "warning_following_error": any(motor.warning for motor in motors),
         "end_of_block_stop": system.end_of_block_stop,
         "program_hold": system.program_hold,
         "resume_error": system.resume_error,
+        "pre_jog": any(motor.pre_jog for motor in motors),
+        "segmented_move": segmented and system.moving and not system.dwelling and not system.homing,
         "in_position": bool(motors) and not system.moving and all(motor.in_position for motor in motors),
         **dict.fromkeys(_MODES.get(modes.mode, ()), True),
     }
-    dialect = controller.variables.dialect
+    dialect = variables.dialect
     return pack(conditions, dialect.system_bits, dialect.system_words)
 
 
-def global_words(controller: Controller) -> tuple[int, ...]:
+def global_words(controller: Controller, *, all_cards: bool = False) -> tuple[int, ...]:
     """The two words of `???`."""
     opened = controller.open_buffer
     conditions = {
-        "this_card_addressed": True,
+        "all_cards_addressed": all_cards,
+        "this_card_addressed": not all_cards,
         "motion_buffer_open": opened is not None and opened.plc is None,
         "plc_buffer_open": opened is not None and opened.plc is not None,
     }

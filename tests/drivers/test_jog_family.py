@@ -45,6 +45,16 @@ def test_a_jog_by_a_distance_closes_an_open_loop(card: IdealCard) -> None:
     assert jogged(card) == 25
 
 
+def test_a_jog_by_nothing_closes_an_open_loop_and_moves_nothing(card: IdealCard) -> None:
+    """`J:0`, as clients send it."""
+    card.motor().jog_to(100)
+    card.settle()
+    card.motor().kill()
+    card.motor().jog_by(0.0)
+    assert card.motor().enabled
+    assert jogged(card) == 100
+
+
 def test_j_equals_alone_goes_back_to_before_the_jog(card: IdealCard) -> None:
     card.motor().jog_to(500)
     card.settle()

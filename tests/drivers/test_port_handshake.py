@@ -194,3 +194,14 @@ def test_a_stored_line_goes_into_the_buffer_and_is_not_executed(bench: Bench) ->
     bench.client.request("X10 Y20 CLOSE")
     assert bench.number("P1") == 1
     assert bench.client.request("LIST PROG 1") == ("P1=2", "X10 Y20")
+
+
+@pytest.mark.parametrize(("i3", "like"), [(0, 0), (1, 0), (2, 2), (3, 2)])
+def test_i58_takes_the_line_feeds_out_of_the_handshake(bench: Bench, i3: int, like: int) -> None:
+    """ASCII through the DPRAM: 1 becomes 0 and 3 becomes 2 (Software Reference, I3)."""
+    bench.client.request("P1=25 P2=50")
+    silent, data = HANDSHAKE[like]
+    bench.raw(f"I58=1 I3={i3}\r")
+    assert bench.raw("P3=1\r") == silent
+    assert bench.raw("P1..2\r") == data
+    assert bench.raw("UUU\r") == b"\x07ERR003\r"

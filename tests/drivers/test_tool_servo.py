@@ -182,3 +182,21 @@ def test_an_ideal_axis_is_where_it_is_told_and_coasts_with_its_time_constant() -
     assert track[-1] - 6.0 == pytest.approx(3.0 / CYCLE_S * 1.5, rel=1e-3)
     steps = np.diff(np.concatenate([[6.0], track]))
     assert steps[round(1.5 / CYCLE_S) - 1] == pytest.approx(3.0 * math.exp(-1), rel=1e-3)
+
+
+def test_number_11_a_hundred_counts_of_error_are_36_6_bits() -> None:
+    """Ix30 2000, Ix08 96, nothing else: 2000 x 96 x 100 / 2^19 bits, 11.2 mV of 10 V in 32768.
+
+    One newton a bit on one kilogramme, which does not come as far as half a count meanwhile.
+    """
+    plant = LinearMotor(
+        mass_kg=1.0, damping_n_s_per_m=0.01, force_n_per_bit=1.0, peak_output_bits=20_480, counts_per_m=1.0
+    )
+    alone = dict.fromkeys(("ix31", "ix32", "ix33", "ix35"), 0)
+    axis = ServoAxis(plant, gains(ix30=2000, ix08=96, ix69=20_480, **alone), CYCLE_S)
+    axis.close_loop()
+    track = axis.follow([100.0] * 102)
+    # The output of the first cycle acts from the second on; the last position is behind a hundred such cycles.
+    bits = 2 * track[101] / (100 * CYCLE_S) ** 2
+    assert bits == pytest.approx(36.62, abs=0.01)
+    assert bits / BITS_PER_V * 1000 == pytest.approx(11.2, abs=0.05)

@@ -72,6 +72,27 @@ def test_zero_is_no_limit(dialect: Dialect) -> None:
     assert not card.motor().positive_limit
 
 
+@pytest.mark.parametrize(("off", "direction"), [("I113", 1), ("I114", -1)])
+def test_zero_switches_one_limit_off_and_not_the_other(card: IdealCard, off: str, direction: int) -> None:
+    card.set(**{off: 0.0})
+    card.motor().jog_to(direction * 1e4)
+    card.settle()
+    assert card.x == direction * 1e4
+    card.motor().jog_to(-direction * 1e4)
+    card.settle()
+    assert card.motor().stopped_on_limit
+    assert -direction * card.x < 5000
+
+
+def test_one_count_is_a_limit(card: IdealCard) -> None:
+    """What clients write where they mean 0."""
+    card.set(I113=1.0)
+    card.motor().jog_speed(1)
+    card.settle()
+    assert card.motor().positive_limit
+    assert 1 < card.x < 1 + RAMP + LATE, "stopped while it gathered speed"
+
+
 def test_a_program_is_aborted_with_all_of_its_motors(card: IdealCard) -> None:
     card.program("INC", "TA20 TS0 TM200", "X2000 Y1000", "X2000 Y1000", "P1=1", "X2000 Y1000")
     card.system.run()

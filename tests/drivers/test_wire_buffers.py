@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from drivers.pmac.dialect import TURBO
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.language.syntax import Line
 from drivers.pmac.language.text import format_line
 from drivers.simulator.port import LINE_LIMIT
@@ -15,9 +15,10 @@ from tests.drivers.language import trees
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
-    return wire(machine)
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    dialect: Dialect = request.param
+    return wire(machine, dialect)
 
 
 def listing(card: Wire, number: int = 1) -> list[str]:
@@ -25,9 +26,10 @@ def listing(card: Wire, number: int = 1) -> list[str]:
 
 
 def test_what_exists_on_line_and_in_programs_goes_into_the_open_buffer(card: Wire) -> None:
+    before = card.ask("P1 I5 M1")
     card.tell("OPEN PROG 1 CLEAR", "P1=1", "I5=2", "M1", "I100", "F50", "HOME1", "ENABLE PLC 3", "CLOSE")
     assert listing(card) == ["P1=1", "I5=2", "M1", "I100", "F50", "HOME1", "ENABLE PLC 3"]
-    assert card.ask("P1 I5 M1") == ["0", "0", "0"]
+    assert card.ask("P1 I5 M1") == before
     assert card.card.plc_enabled == set()
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
-    return wire(machine)
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    dialect: Dialect = request.param
+    return wire(machine, dialect)
 
 
 @pytest.mark.parametrize(("line", "total"), [("J+", 117), ("J/", 121)])

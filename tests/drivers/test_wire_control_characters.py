@@ -6,7 +6,7 @@ import string
 
 import pytest
 
-from drivers.pmac.dialect import TURBO
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
@@ -17,9 +17,10 @@ def code(letter: str) -> str:
     return chr(ord(letter) - 64)
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
-    return wire(machine)
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    dialect: Dialect = request.param
+    return wire(machine, dialect)
 
 
 @pytest.fixture
@@ -56,7 +57,7 @@ def test_control_b_reports_the_status_of_eight_motors(card: Wire) -> None:
 def test_control_c_reports_the_status_of_all_coordinate_systems(card: Wire) -> None:
     said = card.raw(code("C"))
     assert said.endswith(b"\r")
-    assert said.decode().split() == [card.ask(f"&{system}??")[0] for system in range(1, 9)]
+    assert said.decode().split() == [card.ask(f"&{system}??")[0] for system in card.card.systems]
 
 
 def test_control_d_disables_every_plc(card: Wire) -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
     """Card number 0, on a line of many."""
-    made = wire(machine)
+    dialect: Dialect = request.param
+    made = wire(machine, dialect)
     made.raw("I1=2\r")
     return made
 

@@ -36,6 +36,9 @@ DEFINITIONS = {
     "TWB:3,4,4,U": "TWB:3,4,4",
     "TWB:4,0,16,S": "TWB:4,0,16,S",
     "TWD:4,0,8,U": "TWD:4,0,8",
+    "TWR:2,7": "TWR:2,7",
+    "TWR0,1": "TWR:0,1",
+    "TWS:40": "TWS:40",
     "*": "*",
 }
 
@@ -71,7 +74,18 @@ def test_definitions_of_a_range(card: Wire) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["Y:$C0", "Y:$C0,25", "Y:$C0,8,3", "Y:$C0,20,8", "Y:$10000,0", "TWB:256,0,1", "D:", "Y:$C0,8,1,Q"],
+    [
+        "Y:$C0",
+        "Y:$C0,25",
+        "Y:$C0,8,3",
+        "Y:$C0,20,8",
+        "Y:$10000,0",
+        "TWB:256,0,1",
+        "TWR:2",
+        "TWR:2,8",
+        "D:",
+        "Y:$C0,8,1,Q",
+    ],
 )
 def test_what_is_no_definition(card: Wire, text: str) -> None:
     assert card.refusal(f"M5->{text}") == 3

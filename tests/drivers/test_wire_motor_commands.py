@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
     """Loops closed; the spindle is motor 2, and stands at 0."""
-    made = wire(machine)
+    dialect: Dialect = request.param
+    made = wire(machine, dialect)
     made.tell("#1J/ #2J/ #3J/")
     return made
 
@@ -62,7 +64,8 @@ def test_j_colon_is_relative_to_the_commanded_and_j_arrow_to_the_actual_position
 
 
 def test_the_star_stands_for_the_variable_jog_register(card: Wire) -> None:
-    card.tell("M272->L:$8EB M272=40", "#2J=*")
+    register = {"pmac": "$8EB", "turbo": "$157"}[card.card.dialect.name]
+    card.tell(f"M272->L:{register} M272=40", "#2J=*")
     card.settle()
     card.tell("J:*")
     card.settle()
@@ -78,6 +81,15 @@ def test_a_jog_until_the_trigger_goes_on_past_it(card: Wire) -> None:
     card.tell("#2J=15000^-40")
     card.settle()
     assert (place(card) + origin + 40) % 10_000 == pytest.approx(0, abs=1)
+
+
+@pytest.mark.parametrize("jog", ["J=15000^-40", "J:15000^-40", "J^15000^-40", "J=*^-40", "J:*^-40", "J^*^-40"])
+def test_every_jog_to_a_place_may_go_until_the_trigger(card: Wire, jog: str) -> None:
+    motor = card.card.motors[2]
+    motor.variable_jog = 15000
+    card.tell(f"#2{jog}")
+    card.settle()
+    assert (place(card) + motor.axis.origin + 40) % 10_000 == pytest.approx(0, abs=1)
 
 
 def test_hm_and_home_search_the_trigger_and_hmz_needs_none(card: Wire) -> None:
@@ -98,9 +110,13 @@ def test_hm_and_home_search_the_trigger_and_hmz_needs_none(card: Wire) -> None:
 
 def test_o_opens_the_loop_with_an_output_and_k_takes_it_away(card: Wire) -> None:
     card.tell("#1O0")
-    assert card.ask("?")[0] == "840000804000"
+    on, off = {
+        "pmac": ("840000804000", "840000800000"),
+        "turbo": ("8C0000078000", "840000078000"),
+    }[card.card.dialect.name]
+    assert card.ask("?") == [on]
     card.tell("K")
-    assert card.ask("?")[0] == "840000800000"
+    assert card.ask("?") == [off]
 
 
 def test_dollar_closes_the_loop_and_dollar_star_kills(card: Wire) -> None:
@@ -118,9 +134,9 @@ def test_p_v_and_f(card: Wire) -> None:
 
 
 def test_a_position_has_its_fraction_when_the_zero_has_one(card: Wire) -> None:
-    """P in tenths of a count on this family (Software Reference)."""
+    """P in tenths of a count, on a Turbo in thirty-seconds (Software References)."""
     card.card.motors[2].bias = 0.27
-    assert card.ask("#2P") == ["0.3"]
+    assert card.ask("#2P") == [{"pmac": "0.3", "turbo": "0.28125"}[card.card.dialect.name]]
 
 
 @pytest.mark.parametrize("line", ["J", "J*", "J:", "J^", "J=5^", "JX", "O", "J+5+"])
@@ -131,4 +147,30 @@ def test_what_is_no_jog(card: Wire, line: str) -> None:
 def test_addresses_are_kept_and_told(card: Wire) -> None:
     assert card.ask("#3 &5 # &") == ["3", "5"]
     assert card.ask("#&") == ["3", "5"]
-    assert [card.refusal(line) for line in ("#0", "#9", "&0", "&9")] == [3] * 4
+    motors, systems = {"pmac": (8, 8), "turbo": (32, 16)}[card.card.dialect.name]
+    lines = ("#0", f"#{motors + 1}", "&0", f"&{systems + 1}")
+    assert [card.refusal(line) for line in lines] == [3] * 4
+    assert card.ask(f"#{motors} &{systems} # #1 # &") == [str(motors), "1", str(systems)]
+
+
+def test_number_9_counts_a_cycle_are_counts_a_ms_by_i10(card: Wire) -> None:
+    """21.9 counts a servo cycle x 8388608 / 3713707 are 49.5 counts/ms (Software Reference, V)."""
+    card.tell("I10=3713707 I219=0 I220=10 I221=0 I222=49.5 #2J+")
+    card.sim.wait(1.0)
+    told = []
+    for _ in range(200):
+        card.sim.wait(0.005)
+        told.append(float(card.ask("#2V")[0]))
+    assert sum(told) / len(told) == pytest.approx(21.9, abs=0.1)
+
+
+def test_two_motors_are_asked_in_one_line_without_a_space(card: Wire) -> None:
+    card.card.motors[5].bias = 7
+    assert card.ask("#5P#2P") == ["7", "0"]
+    assert card.ask("#5V#2V") == ["0", "0"]
+    assert card.ask("#") == ["2"]
+
+
+def test_a_space_parts_the_sign_that_asks_from_the_one_that_addresses(card: Wire) -> None:
+    """Without it, `##3` would choose the last eight motors of a Turbo."""
+    assert card.ask("#4 # #3 #") == ["4", "3"]

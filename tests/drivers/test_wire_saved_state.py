@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.pmac.dialect import PMAC, TURBO
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from tests.drivers.wire_card import Wire, wire
@@ -15,9 +15,10 @@ from tests.drivers.wire_card import Wire, wire
 SPEAK = "I3=2 I6=1\r"
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
-    return wire(machine)
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    dialect: Dialect = request.param
+    return wire(machine, dialect)
 
 
 def reset(card: Wire, word: str = "$$$") -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
     """Loops closed; program 1 goes three steps of 30 counts in X, each in 100 ms."""
-    made = wire(machine)
+    dialect: Dialect = request.param
+    made = wire(machine, dialect)
     made.tell("#1J/ #2J/ #3J/", "OPEN PROG 1 CLEAR", "INC TA10 TS0 TM100", "Z30", "Z30", "N500 Z30", "CLOSE")
     return made
 
@@ -54,7 +56,7 @@ def test_q_stops_and_r_goes_on(card: Wire) -> None:
 
 @pytest.mark.parametrize("hold", ["H", "\\"])
 def test_h_holds_and_r_goes_on(card: Wire, hold: str) -> None:
-    card.tell("I195=50000", "B1R")
+    card.tell(f"I{card.card.dialect.system_index(1, 95)}=50000", "B1R")
     card.sim.wait(0.1)
     card.tell(hold)
     card.sim.wait(2.0)
@@ -85,7 +87,7 @@ def test_a_stops_everything_where_it_is(card: Wire) -> None:
 
 
 def test_percent_sets_and_reports_the_time_base(card: Wire) -> None:
-    card.tell("I194=8388607", "%50")
+    card.tell(f"I{card.card.dialect.system_index(1, 94)}=8388607", "%50")
     card.sim.wait(0.1)
     assert card.ask("%") == ["50"]
     card.tell("B1R")

@@ -132,3 +132,21 @@ def test_thirty_two_motors_and_sixteen_systems(card: Wire) -> None:
     card.tell("I3200=1 #32->X", "I3208=96 #32J/ #32J=500")
     card.settle()
     assert card.ask("#32P") == ["500"]
+
+
+def test_i58_leaves_the_handshake_alone(card: Wire) -> None:
+    card.tell("P1=25")
+    card.raw("I58=1 I3=1\r")
+    assert card.raw("P1\r") == b"\n25\r\n"
+
+
+def test_eight_positions_are_told_with_spaces_in_thirty_seconds_of_a_count(card: Wire) -> None:
+    for number, bias in enumerate((0.01, 0.02, -5797.53, 1, 0, 0, 0, 1e6), 1):
+        card.card.motors[number].bias = bias
+    assert card.raw("\x10") == b"0 0.03125 -5797.53125 1 0 0 0 1000000\r"
+
+
+def test_eight_positions_of_its_elder_are_told_in_tenths(elder: Wire) -> None:
+    for number, bias in enumerate((0.04, 0.06, -5797.53, 1, 0, 0, 0, 1e6), 1):
+        elder.card.motors[number].bias = bias
+    assert elder.raw("\x10") == b"0 0.1 -5797.5 1 0 0 0 1000000\r"

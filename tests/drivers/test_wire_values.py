@@ -9,9 +9,10 @@ from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture
-def card(machine: MachineProfile) -> Wire:
-    return wire(machine)
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    dialect: Dialect = request.param
+    return wire(machine, dialect)
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ def test_start_count_and_step(card: Wire) -> None:
 
 def test_a_range_is_set_with_one_assignment(card: Wire) -> None:
     card.tell("I20..44=7", "P1,3,2=4")
-    assert card.ask("I20,3,12") == ["$7", "$7", "$7"]
+    assert card.ask("I20..22") == ["$7", "$7", "$7"]
     assert card.ask("P1..5") == ["4", "0", "4", "0", "4"]
 
 
@@ -116,3 +117,22 @@ def test_what_is_no_range_and_no_value(card: Wire, line: str) -> None:
 def test_what_the_line_did_before_an_error_stays_done(card: Wire) -> None:
     assert card.raw("P1=5 P1 P2=6 UUU P3=7\r") == b"5\r\x07ERR003\r"
     assert card.ask("P1..3") == ["5", "6", "0"]
+
+
+def test_the_factory_leaves_the_line_as_its_documents_say(card: Wire) -> None:
+    """I4 is 0 for clients in the field, whatever one print says of a Turbo; I9 is not confirmed."""
+    card.raw("$$$***\r")
+    settings = (1, 3, 0, 0, 2, 0, 0, 0)
+    assert card.raw("I3 I6 I1 I4 I9 I62..64\r") == b"".join(b"\n%d\r" % value for value in settings) + b"\n"
+
+
+@pytest.mark.parametrize("text", ["M5 ->*", "M5 -> D:$28", "M5\t->", "M1..3 ->*"])
+def test_003_a_space_in_front_of_the_arrow_of_a_definition(card: Wire, text: str) -> None:
+    card.tell("M5->X:$700,4")
+    assert card.refusal(text) == 3
+    assert card.ask("M5->") == ["X:$700,4"]
+
+
+def test_other_spaces_do_not_matter_in_a_definition(card: Wire) -> None:
+    card.tell("M 5-> Y : $700, 4 ,8")
+    assert card.ask("M5->") == ["Y:$700,4,8"]

@@ -8,6 +8,7 @@ from enum import StrEnum, auto
 from functools import cached_property
 from typing import TypeVar
 
+from drivers.pmac.memory import WORD_BITS
 from drivers.pmac.status import BitTable
 
 _Value = TypeVar("_Value")
@@ -39,6 +40,47 @@ class Register:
     space: str
     address: int
     stride: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Watchdog:
+    """How long a background cycle may take before the card shuts itself down.
+
+    Every background cycle it begins anew at I`number`, counts down, and trips below zero; if that is 0, or there
+    is no such setting, it begins at `count`. It counts servo cycles, `of_interrupts` real-time interrupts.
+    """
+
+    count: int
+    number: int | None = None
+    of_interrupts: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ConversionTable:
+    """Where the encoder conversion table is: results in X from `first_address`, set-up in Y at the same places.
+
+    The set-up of a line is also I`first_setting` and so on, in families where it is no plain memory (None). As it
+    leaves the factory, the first `encoders` lines are the encoders of channels 1, 2 and so on.
+    """
+
+    first_address: int
+    lines: int
+    encoders: int
+    first_setting: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GatherSettings:
+    """The I-variables of data gathering: the period in servo cycles, masks of 24 sources each, the addresses."""
+
+    period: int
+    masks: tuple[int, ...]
+    first_source: int
+
+    @property
+    def source_count(self) -> int:
+        """How many sources there are: one for each bit of the masks."""
+        return WORD_BITS * len(self.masks)
 
 
 class Setting(StrEnum):
@@ -77,6 +119,11 @@ class Dialect:
     steps of `segment_step_ms` up to `longest_segment_ms`; without one, or if it is not 0, TA does, in whole ms.
     `other_axes_speed` is the Ix-number of a coordinate system with the speed of axes that F does not speak of;
     where there is none, a move of such axes alone takes no time of its own.
+    `offset_following` is the Ix-number of a motor, and the bit of it, that keep following out of the position.
+    `no_line_feeds_switch` is the I-variable (ASCII through the DPRAM) that takes the line feeds out of I3.
+
+    `timer_numbers` are the Ix-numbers of a coordinate system that count down, for the systems up to the value of
+    I`system_activation` + 1; `timer_words` are words of memory that do, by space and address.
     """
 
     name: str
@@ -103,10 +150,18 @@ class Dialect:
     motor_addresses: tuple[int, ...]
     system_addresses: tuple[int, ...]
     registers: Mapping[str, Register]
+    conversion_table: ConversionTable
+    gathering: GatherSettings
+    offset_following: tuple[int, int]
+    watchdog: Watchdog
     segment_time_switch: int | None = None
     segment_step_ms: float = 1.0
     longest_segment_ms: float = 8_388_607.0
     other_axes_speed: int | None = None
+    system_activation: int | None = None
+    timer_numbers: tuple[int, ...] = ()
+    timer_words: tuple[tuple[str, int], ...] = ()
+    no_line_feeds_switch: int | None = None
 
     def motor_index(self, motor: int, number: int) -> int:
         """Return the index of Ix`number` of a motor."""

@@ -5,7 +5,16 @@ Replies and defaults that no source confirms are choices (docs/pmac-emulation.md
 
 from __future__ import annotations
 
-from drivers.pmac.families.family import Dialect, Place, Register, Scope, Setting
+from drivers.pmac.families.family import (
+    ConversionTable,
+    Dialect,
+    GatherSettings,
+    Place,
+    Register,
+    Scope,
+    Setting,
+    Watchdog,
+)
 from drivers.pmac.status import BitTable
 
 _MOTOR_BITS: BitTable = {
@@ -88,7 +97,7 @@ PMAC = Dialect(
         Setting.LEAST_ARC: Place(Scope.GLOBAL, 90),
         Setting.FLAG_MODE: Place(Scope.MOTOR, 25),
     },
-    global_defaults={3: 1, 6: 3, 8: 2, 9: 2, 10: 3_713_707, 12: 10},
+    global_defaults={3: 1, 5: 0, 6: 3, 8: 2, 9: 2, 10: 3_713_707, 12: 10},
     motor_defaults={
         8: 96,
         9: 96,
@@ -122,6 +131,7 @@ PMAC = Dialect(
         15: (0, 2),
         50: (0, 2),
         51: (0, 2),
+        58: (0, 2),
         62: (0, 2),
         63: (0, 2),
         64: (0, 2),
@@ -150,9 +160,15 @@ PMAC = Dialect(
     axis_codes={},
     position_step=0.1,
     highest_address=0xFFFF,
+    conversion_table=ConversionTable(first_address=0x720, lines=32, encoders=8),
+    gathering=GatherSettings(period=19, masks=(20,), first_source=21),
+    offset_following=(5, 16),
+    no_line_feeds_switch=58,
     global_addresses=tuple(range(20, 45)),
     motor_addresses=(2, 3, 4, 5, 10, 25, 81, 83),
     system_addresses=(93,),
+    watchdog=Watchdog(count=511, of_interrupts=True),
+    timer_words=(("X", 0x700), ("Y", 0x700), ("X", 0x701), ("Y", 0x701)),
     registers={
         "commanded": Register("D", 0x28, 0x3C),
         "actual": Register("D", 0x2B, 0x3C),

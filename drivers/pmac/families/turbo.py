@@ -5,7 +5,16 @@ Replies and defaults that no source confirms are choices (docs/pmac-emulation.md
 
 from __future__ import annotations
 
-from drivers.pmac.families.family import Dialect, Place, Register, Scope, Setting
+from drivers.pmac.families.family import (
+    ConversionTable,
+    Dialect,
+    GatherSettings,
+    Place,
+    Register,
+    Scope,
+    Setting,
+    Watchdog,
+)
 from drivers.pmac.families.pmac import PMAC, SYSTEM_BITS_SHARED
 from drivers.pmac.status import BitTable
 
@@ -51,6 +60,8 @@ _MOTOR_BITS: BitTable = {
     "in_position": (2, 0),
 }
 
+_TIMERS = (11, 12)
+
 TURBO = Dialect(
     name="turbo",
     replies={
@@ -76,15 +87,17 @@ TURBO = Dialect(
         Setting.LEAST_ARC: Place(Scope.SYSTEM, 97),
         Setting.FLAG_MODE: Place(Scope.MOTOR, 24),
     },
-    global_defaults={3: 1, 4: 0, 6: 3, 8: 2, 9: 2, 10: 3_713_707, 68: 15},
+    global_defaults={3: 1, 4: 0, 5: 1, 6: 3, 8: 2, 9: 2, 10: 3_713_707, 40: 0, 68: 15, 5049: 1},
     motor_defaults={**PMAC.motor_defaults, 90: 1, 92: 50},
     system_defaults=PMAC.system_defaults,
     global_ranges={
         **{number: PMAC.global_ranges[number] for number in (1, 3, 4, 5, 6, 9, 10, 15, 51, 62, 63, 64)},
+        40: (0, 2**16),
         42: (0, 2),
+        68: (0, 16),
     },
     motor_ranges={**PMAC.motor_ranges, 90: (0, 2)},
-    system_ranges={**PMAC.system_ranges, 13: (0, 256)},
+    system_ranges={**PMAC.system_ranges, **dict.fromkeys(_TIMERS, (-(2**23), 2**24)), 13: (0, 256)},
     motor_bits=_MOTOR_BITS,
     system_bits={
         **SYSTEM_BITS_SHARED,
@@ -100,6 +113,9 @@ TURBO = Dialect(
     segment_step_ms=1 / 4096,
     longest_segment_ms=4096.0,
     other_axes_speed=86,
+    watchdog=Watchdog(count=4095, number=40),
+    system_activation=68,
+    timer_numbers=_TIMERS,
     global_bits={
         "interrupt_overrun": (1, 22),
         "servo_error": (1, 20),
@@ -124,7 +140,10 @@ TURBO = Dialect(
     axis_codes={"A": 1, "B": 2, "C": 3, **dict.fromkeys("UVW", 4), **dict.fromkeys("XYZ", 7)},
     position_step=1 / 32,
     highest_address=0xFFFFFF,
-    global_addresses=(*range(20, 24), *range(5001, 5049)),
+    conversion_table=ConversionTable(first_address=0x3501, lines=192, encoders=8, first_setting=8000),
+    gathering=GatherSettings(period=5049, masks=(5050, 5051), first_source=5001),
+    offset_following=(6, 1),
+    global_addresses=(*range(20, 24), *range(5001, 5049), 5050, 5051),
     motor_addresses=(2, 3, 4, 5, 10, 24, 25, 81, 82, 83),
     system_addresses=(93,),
     registers={

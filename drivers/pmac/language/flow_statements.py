@@ -55,21 +55,26 @@ def parse_argument(scanner: Scanner) -> Argument | None:
     return None if letter is None else Argument(letter, parse_data(scanner))
 
 
-def _while(scanner: Scanner, word: str) -> While:
-    condition = _enclosed_condition(scanner)
-    return While(condition, inline=not scanner.at_end)
+def parse_enclosed_condition(scanner: Scanner) -> Condition:
+    """Read a condition with the parentheses around the whole.
 
-
-def _if(scanner: Scanner, word: str) -> If:
-    condition = _enclosed_condition(scanner)
-    return If(condition, inline=not scanner.at_end)
-
-
-def _enclosed_condition(scanner: Scanner) -> Condition:
+    Raises:
+        PmacError: 003, something else stands there.
+    """
     scanner.expect("(")
     condition = parse_condition(scanner)
     scanner.expect(")")
     return condition
+
+
+def _while(scanner: Scanner, word: str) -> While:
+    condition = parse_enclosed_condition(scanner)
+    return While(condition, inline=not scanner.at_end)
+
+
+def _if(scanner: Scanner, word: str) -> If:
+    condition = parse_enclosed_condition(scanner)
+    return If(condition, inline=not scanner.at_end)
 
 
 def _label(scanner: Scanner, word: str) -> Label | None:

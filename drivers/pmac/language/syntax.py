@@ -302,6 +302,22 @@ class EndIf:
     """ENDIF, or ENDI."""
 
 
+@dataclass(frozen=True, slots=True)
+class FurtherCondition:
+    """`AND(condition)` or `OR(condition)` on a line of its own: more of the IF or WHILE above it. PLC only."""
+
+    operator: str
+    condition: Condition
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """`ADDRESS#1&2`: the motor and the coordinate system that a PLC means from now on; None: as before."""
+
+    motor: int | None = None
+    system: int | None = None
+
+
 Modal = Set | SelectMode | Positioning | Feedrate | Normal
 """What stays in force for the moves that follow."""
 
@@ -316,3 +332,11 @@ Line = tuple[Statement, ...]
 """What stands between two line ends. A program is a tuple of lines."""
 
 Program = tuple[Line, ...]
+
+PlcStatement = While | EndWhile | If | Else | EndIf | FurtherCondition | Assign | Message | PlcSwitch | Address
+"""What a PLC is made of: no motion, no labels and jumps, and no statement of theirs is `inline`."""
+
+PlcLine = tuple[PlcStatement, ...]
+"""What stands between two line ends of a PLC."""
+
+PlcProgram = tuple[PlcLine, ...]

@@ -12,6 +12,7 @@ from drivers.pmac.language.message_statements import control_letter, is_control
 from drivers.pmac.language.syntax import (
     AXES,
     VECTOR,
+    Address,
     Argument,
     Assign,
     AxisWord,
@@ -25,6 +26,7 @@ from drivers.pmac.language.syntax import (
     EndWhile,
     Expression,
     Feedrate,
+    FurtherCondition,
     Gosub,
     Goto,
     Home,
@@ -38,6 +40,8 @@ from drivers.pmac.language.syntax import (
     Normal,
     Number,
     Pause,
+    PlcLine,
+    PlcStatement,
     PlcSwitch,
     Positioning,
     Preset,
@@ -113,9 +117,13 @@ def format_condition(condition: Condition) -> str:
     return f"{format_condition(condition.left)} {condition.operator} {format_condition(condition.right)}"
 
 
-def format_statement(statement: Statement) -> str:
+def format_statement(statement: Statement | PlcStatement) -> str:
     """Write one statement. Raises ValueError as `format_condition` does."""
     match statement:
+        case FurtherCondition(operator, condition):
+            return f"{operator}({format_condition(condition)})"
+        case Address(motor, system):
+            return f"ADDRESS{'' if motor is None else f'#{motor}'}{'' if system is None else f'&{system}'}"
         case Assign() | Set() | Wait() | Argument() | Message():
             return _valued(statement)
         case While() | If() | Label() | Goto() | Gosub() | CallProgram() | Read():
@@ -202,6 +210,11 @@ def format_line(line: Line) -> str:
         last = place == len(line) - 1
         if isinstance(statement, While | If | Else) and statement.inline is last:
             raise ValueError("inline means that the statement is followed by another on its line")
+    return " ".join(map(format_statement, line))
+
+
+def format_plc_line(line: PlcLine) -> str:
+    """Write a line of a PLC without a line end. Raises ValueError as `format_condition` does."""
     return " ".join(map(format_statement, line))
 
 

@@ -23,6 +23,14 @@ LEAST_ARC = 2.0**-20
 """The least angle of an arc, in half turns, where I90 (Isx97) is 0."""
 
 
+class CircleRadiusError(PmacError):
+    """A run-time error with a status bit of its own: an arc without a radius, or with one that is too short."""
+
+    def __init__(self, detail: str) -> None:
+        """`detail` says what was asked for."""
+        super().__init__(ErrorCode.DATA_ERROR, detail)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
     """The path of the motors over a share u of the way, 0 to 1, as a displacement from its start.
@@ -73,7 +81,8 @@ def arc_of(
     `radius_limit` is Ix96 (user units), `least_arc` I90 or Isx97 (half turns).
 
     Raises:
-        PmacError: a run-time error, there is no such arc.
+        CircleRadiusError: a run-time error, there is no such arc.
+        PmacError: the normal has no direction.
     """
     normal = _unit(request.normal, "the normal of a circle")
     move = _minus(_point(request.targets), _point(start))
@@ -82,7 +91,7 @@ def arc_of(
     center = _center(request, chord, normal, radius_limit)
     first, last = _times(-1.0, center), _minus(chord, center)
     if not (_size(first) > 0.0 and _size(last) > 0.0):
-        raise PmacError(ErrorCode.DATA_ERROR, "a circle without a radius")
+        raise CircleRadiusError("a circle without a radius")
     least = 0.0 if request.center is None else (least_arc or LEAST_ARC) * math.pi
     sweep = _sweep(first, last, normal, request.clockwise, least)
     growth = _size(last) / _size(first)
@@ -106,12 +115,12 @@ def _center(request: CircleRequest, chord: Point, normal: Point, radius_limit: f
         return _minus(given, _times(_dot(given, normal), normal))
     radius, distance = request.radius or 0.0, _size(chord)
     if radius == 0.0 or distance == 0.0:
-        raise PmacError(ErrorCode.DATA_ERROR, f"an arc of radius {radius:g} over a distance of {distance:g}")
+        raise CircleRadiusError(f"an arc of radius {radius:g} over a distance of {distance:g}")
     beyond = distance - 2.0 * abs(radius)
     if beyond >= 0.0:
         if 0.0 < radius_limit < beyond:
             text = f"an arc of radius {radius:g} over a distance of {distance:g}, limit {radius_limit:g}"
-            raise PmacError(ErrorCode.DATA_ERROR, text)
+            raise CircleRadiusError(text)
         return _times(abs(radius) / distance, chord)
     height = math.sqrt(radius * radius - 0.25 * distance * distance)
     side = 1.0 if request.clockwise == (radius > 0.0) else -1.0

@@ -44,12 +44,17 @@ def _address_motor(scanner: Scanner, context: Context) -> None:
 
 
 def _address_bank(scanner: Scanner, context: Context) -> None:
-    """`##1`: the control characters report motors 9 to 16. With eight motors it is `#`, and `#1` behind it."""
+    """`##1`: the control characters report motors 9 to 16.
+
+    With eight motors, and with a space between the signs, it is `#`, and `#1` behind it.
+    """
     banks = context.dialect.motor_count // MOTORS_IN_A_BANK
-    if banks == 1:
-        scanner.reset(scanner.mark() - 1)
+    behind = scanner.mark()
+    scanner.reset(behind - 1)
+    if banks == 1 or context.text[scanner.position - 1] != "#":
         context.lines.append(str(context.motor_number))
         return
+    scanner.reset(behind)
     number = scanner.take_integer()
     if number is None:
         context.lines.append(str(context.motor_bank))

@@ -22,7 +22,7 @@ def _status(scanner: Scanner, context: Context) -> None:
 _REPORTS: tuple[Callable[[Context], str], ...] = (
     lambda context: reports.motor_status(context.controller, context.motor),
     lambda context: reports.system_status(context.controller, context.system_number),
-    lambda context: reports.global_status(context.controller),
+    lambda context: reports.global_status(context.controller, all_cards=context.all_cards),
 )
 
 WORDS: dict[str, Handler] = {"?": _status}

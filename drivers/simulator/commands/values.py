@@ -37,7 +37,9 @@ def variable(scanner: Scanner, context: Context) -> bool:
         first = int(context.expression(scanner))
         scanner.expect(")")
     indices = _indices(scanner, first, context)
-    if kind is VariableKind.M and scanner.accept("->"):
+    if kind is VariableKind.M and scanner.peek("-"):
+        _refuse_gap(scanner, context)
+        scanner.expect("->")
         _define(scanner, context, indices)
     elif scanner.accept("="):
         _assign(scanner, context, kind, indices)
@@ -83,6 +85,12 @@ def _reported(context: Context, kind: VariableKind, index: int) -> str:
     if form & _HEXADECIMAL and index in context.dialect.hexadecimal and value >= 0 and value == int(value):
         text = f"${int(value):X}"
     return f"I{index}={text}" if form & _LONG else text
+
+
+def _refuse_gap(scanner: Scanner, context: Context) -> None:
+    """The arrow of a definition has to stand right behind the number (Software Reference, M->)."""
+    if context.text[scanner.position - 1].isspace():
+        raise scanner.refusal("no space in front of -> as in M1->*")
 
 
 def _define(scanner: Scanner, context: Context, indices: range) -> None:

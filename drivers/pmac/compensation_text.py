@@ -1,0 +1,144 @@
+"""Compensation tables as text: the line DEFINE COMP and the entries that follow it.
+
+`DEFINE COMP 8,#1,#2,4000` has 8 entries over 4000 counts of motor 1, for motor 2.
+`DEFINE COMP 2.8,#1D,#3,#2,4000,900` has 2 rows and 8 columns: over 4000 counts of the desired position of motor 1,
+the row motor, and over 900 of motor 3, the column motor. A motor that is left out is the addressed one, to which
+the table belongs. Sources: PMAC and Turbo Software Reference, DEFINE COMP.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from drivers.pmac.compensation_table import CompensationTable, TableDefinition, TableSource
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.memory import WORD_BITS
+
+GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1
+"""An entry is a word of memory, with a sign; sixteenths of a count."""
+
+ENTRIES_PER_LINE = 16
+"""Of at most nine characters: a line stays below the 255 that a card takes."""
+
+_Motor = tuple[int, bool]
+"""A motor's number, and whether it is its desired position that counts."""
+
+
+def scan_definition(scanner: Scanner, addressed: int, motor_count: int) -> TableDefinition:
+    """Read what follows DEFINE COMP.
+
+    Raises:
+        PmacError: 003, not a definition, a motor that there is not, or a size or a span of 0.
+    """
+    first = _size(scanner)
+    columns = _size(scanner) if scanner.accept(".") else None
+    scanner.expect(",")
+    motors = []
+    while scanner.accept("#"):
+        motors.append(_motor(scanner, motor_count))
+        scanner.expect(",")
+    spans = [_size(scanner)]
+    if columns is None:
+        return _definition(scanner, addressed, motors, spans, columns=first)
+    if not motors:
+        raise scanner.refusal("expected a row motor, as in #1, for a table with rows and columns")
+    scanner.expect(",")
+    spans.append(_size(scanner))
+    return _definition(scanner, addressed, motors, spans, columns=columns, rows=first)
+
+
+def scan_entries(scanner: Scanner) -> list[int]:
+    """Read a line of entries, sixteenths of a count.
+
+    Raises:
+        PmacError: 003, something that is no whole number of 24 bits with a sign.
+    """
+    entries = []
+    while not scanner.at_end:
+        negative = scanner.accept("-")
+        if not negative:
+            scanner.accept("+")
+        digits = scanner.take_integer()
+        if digits is None or digits > GREATEST_ENTRY + negative or scanner.peek("."):
+            raise scanner.refusal(f"a whole number of sixteenths of a count, up to {GREATEST_ENTRY}")
+        entries.append(-digits if negative else digits)
+    return entries
+
+
+def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
+    """Read a table from the lines that send it, `#1 DEFINE COMP ...` first.
+
+    Raises:
+        PmacError: 003, not such lines, or more or fewer entries than the definition asks for.
+    """
+    first, *rest = lines
+    scanner = Scanner(first)
+    scanner.expect("#")
+    addressed = _motor_number(scanner, motor_count)
+    if scanner.take_word(("DEFINE", "DEF")) is None:
+        raise scanner.refusal("expected DEFINE COMP")
+    scanner.expect("COMP")
+    definition = scan_definition(scanner, addressed, motor_count)
+    if not scanner.at_end:
+        raise scanner.refusal("expected the end of the line")
+    entries = [entry for line in rest for entry in scan_entries(Scanner(line))]
+    if len(entries) != definition.entry_count:
+        met = f"{len(entries)} entries; DEFINE COMP asks for {definition.entry_count}"
+        raise PmacError(ErrorCode.DATA_ERROR, met)
+    return definition.filled(entries)
+
+
+def table_lines(table: CompensationTable) -> list[str]:
+    """Return the lines that send a table to a card, none of them too long for it."""
+    definition = table.definition
+    return [f"#{definition.motor}DEFINE COMP {definition_text(definition)}", *entry_lines(table.entries)]
+
+
+def definition_text(definition: TableDefinition) -> str:
+    """Return what stands behind DEFINE COMP, every motor named."""
+    rows = f"{definition.rows}." if definition.rows else ""
+    sources = [f"#{source.motor}{'D' if source.desired else ''}" for source in definition.sources]
+    spans = [str(source.span_counts) for source in definition.sources]
+    return ",".join([f"{rows}{definition.columns}", *sources, f"#{definition.target}", *spans])
+
+
+def entry_lines(entries: Sequence[int]) -> list[str]:
+    """Return the entries as lines."""
+    starts = range(0, len(entries), ENTRIES_PER_LINE)
+    return [" ".join(map(str, entries[start : start + ENTRIES_PER_LINE])) for start in starts]
+
+
+def _definition(
+    scanner: Scanner, addressed: int, motors: list[_Motor], spans: list[int], *, columns: int, rows: int = 0
+) -> TableDefinition:
+    """Put the addressed motor where none is named: sources first, the target last."""
+    named = (*motors, *[(addressed, False)] * (len(spans) + 1 - len(motors)))
+    *sources, (target, desired) = named
+    if len(sources) != len(spans) or desired:
+        raise scanner.refusal(f"expected {len(spans)} sources and a target without D, met {len(named)} motors")
+    return TableDefinition(
+        motor=addressed,
+        sources=tuple(TableSource(motor, span, by) for (motor, by), span in zip(sources, spans, strict=True)),
+        target=target,
+        columns=columns,
+        rows=rows,
+    )
+
+
+def _motor(scanner: Scanner, motor_count: int) -> _Motor:
+    return _motor_number(scanner, motor_count), scanner.accept("D")
+
+
+def _motor_number(scanner: Scanner, motor_count: int) -> int:
+    motor = scanner.take_integer()
+    if motor is None or not 1 <= motor <= motor_count:
+        raise scanner.refusal(f"a motor from 1 to {motor_count}")
+    return motor
+
+
+def _size(scanner: Scanner) -> int:
+    size = scanner.take_integer()
+    if not size:
+        raise scanner.refusal("a whole number from 1")
+    return size

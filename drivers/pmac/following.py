@@ -1,0 +1,78 @@
+"""Position following: a motor follows a master by a ratio, Ix07 to Ix08, like a pair of gears.
+
+Each servo cycle the master's movement in 1/32 count, times Ix07, is added to a register of the motor in
+1/(Ix08 x 32) count: whole numbers, so that no remainder is ever lost. Ix07 may change while it runs; what was
+followed before stays. There is no ramp: following begins at the master's speed. Sources: PMAC User Manual,
+position processing, position following; PMAC and Turbo Software Reference, Ix05 to Ix08.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum, auto
+
+from drivers.pmac.converted_position import COUNT_PARTS, register_change
+from drivers.pmac.dialect import Dialect
+
+_ADDRESS, _ENABLE, _RATIO, _SCALE = 5, 6, 7, 8
+"""Ix05 master address, Ix06 enable, Ix07 and Ix08 the teeth of the two gears."""
+
+
+class FollowingMode(StrEnum):
+    """What following does to the position that is reported."""
+
+    OFF = auto()
+    NORMAL = auto()
+    """It counts as motion of the motor: the next programmed move to a place cancels it."""
+    OFFSET = auto()
+    """It is left out: programmed moves are added to it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowingSetup:
+    """The settings of a motor; `master` is an address, `teeth` Ix07 and `own_teeth` Ix08."""
+
+    mode: FollowingMode
+    master: int
+    teeth: int
+    own_teeth: int
+
+    @classmethod
+    def of_motor(cls, motor: int, settings: Mapping[int, float], dialect: Dialect) -> FollowingSetup:
+        """Read the settings of a motor, I-variables by index; what is not there is 0."""
+
+        def setting(number: int) -> int:
+            return int(settings.get(dialect.motor_index(motor, number), 0))
+
+        number, bit = dialect.offset_following
+        offset = setting(number) >> bit & 1
+        on = FollowingMode.OFFSET if offset else FollowingMode.NORMAL
+        return cls(
+            mode=on if setting(_ENABLE) & 1 else FollowingMode.OFF,
+            master=setting(_ADDRESS) & dialect.highest_address,
+            teeth=setting(_RATIO),
+            own_teeth=setting(_SCALE),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Following:
+    """What a motor has followed so far: `followed` in 1/(Ix08 x 32) count, and the master's register."""
+
+    master_parts: int
+    followed: int = 0
+
+    def step(self, setup: FollowingSetup, master_parts: int) -> tuple[Following, int]:
+        """Go on by a servo cycle; return how far the motor goes with it, in 1/(Ix08 x 32) count, too.
+
+        `master_parts` is the master's register, 24 bits in 1/32 count, which rolls over.
+        """
+        turned = register_change(master_parts, self.master_parts)
+        increment = 0 if setup.mode is FollowingMode.OFF else setup.teeth * turned
+        return replace(self, master_parts=master_parts, followed=self.followed + increment), increment
+
+
+def in_counts(parts: int, setup: FollowingSetup) -> float:
+    """Return a distance of the motor, 1/(Ix08 x 32) count, in counts."""
+    return parts / (setup.own_teeth * COUNT_PARTS)

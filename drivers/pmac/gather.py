@@ -1,0 +1,163 @@
+"""Data gathering: which registers are looked at, how often, and how a sample is packed and listed.
+
+A mask selects among the sources. The two highest bits of a source say which part of the address is meant: 0 the Y
+word, 1 (a first digit of 4) the X word, 2 (8) both as a whole number of 48 bits, 3 (C) both as a floating-point
+number. A sample is the words of its sources in the order of the mask, a long source with its Y word first; two
+words make a long word, the first one in its lower half, and an odd sample is filled up with one more. LIST GATHER
+tells long words, twelve hexadecimal digits each. Sources: PMAC Software Reference, I19 to I44; Turbo Software
+Reference, I5001 to I5051, DEFINE GATHER; clients, for the order inside a long word.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+from drivers.pmac import float48
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.memory import WORD_BITS, Pointer
+
+WORDS_PER_LINE = 16
+"""Long words in a line of LIST GATHER."""
+
+LONG_BITS = 2 * WORD_BITS
+PADDING = 0
+"""What fills up a sample with an odd number of words; a real card leaves what was there."""
+
+_SPACES = ("Y", "X", "D", "L")
+_SPACE_SHIFT = 22
+_ADDRESS = (1 << 20) - 1
+_WORD = (1 << WORD_BITS) - 1
+_LONG_WORD = re.compile(r"[0-9A-Fa-f]{12}")
+
+
+class GatherError(ValueError):
+    """A set-up, a sample or a listing that is none."""
+
+
+def source_of(setting: int, dialect: Dialect) -> Pointer:
+    """Return the register that a source setting names; the bits between its two parts have no effect."""
+    space = _SPACES[setting >> _SPACE_SHIFT & 3]
+    address = setting & _ADDRESS & dialect.highest_address
+    return Pointer(space=space, address=address, signed=space in "XY")
+
+
+def setting_of(source: Pointer, dialect: Dialect) -> int:
+    """Return the source setting that names a register, of which whole words can be gathered.
+
+    Raises:
+        GatherError: part of a word, or an address that the family has not.
+    """
+    whole = source.space in _SPACES and source.width == WORD_BITS
+    if not whole or source.address > _ADDRESS & dialect.highest_address:
+        raise GatherError(
+            f"{source} cannot be gathered; X, Y, D or L, whole words, up to ${dialect.highest_address:X}"
+        )
+    return _SPACES.index(source.space) << _SPACE_SHIFT | source.address
+
+
+def selected_sources(settings: Mapping[int, float], dialect: Dialect) -> tuple[Pointer, ...]:
+    """Return the registers that the masks select, in their order; `settings` are I-variables by index."""
+    places = dialect.gathering
+    mask = sum(int(settings.get(index, 0)) << WORD_BITS * place for place, index in enumerate(places.masks))
+    chosen = (places.first_source + bit for bit in range(places.source_count) if mask >> bit & 1)
+    return tuple(source_of(int(settings.get(index, 0)), dialect) for index in chosen)
+
+
+def gather_settings(sources: Sequence[Pointer], period_cycles: int, dialect: Dialect) -> dict[int, int]:
+    """Return the I-variables, by index, that gather these registers every so many servo cycles.
+
+    Raises:
+        GatherError: more sources than the family has, or none, or one that cannot be gathered.
+    """
+    places = dialect.gathering
+    if not 1 <= len(sources) <= places.source_count or period_cycles < 0:
+        met = f"{len(sources)} sources every {period_cycles} servo cycles"
+        raise GatherError(f"{met}; 1 to {places.source_count} sources, a period from 0")
+    mask = (1 << len(sources)) - 1
+    masks = {index: mask >> WORD_BITS * place & _WORD for place, index in enumerate(places.masks)}
+    addresses = enumerate((setting_of(source, dialect) for source in sources), places.first_source)
+    return {places.period: period_cycles, **masks, **dict(addresses)}
+
+
+def is_due(cycles_since_start: int, period_cycles: int) -> bool:
+    """Whether a sample is taken in this servo cycle, 0 the first; with a period of 0 there is one sample alone."""
+    return cycles_since_start % period_cycles == 0 if period_cycles else cycles_since_start == 0
+
+
+def long_words_of(sources: Sequence[Pointer]) -> int:
+    """Return how many long words a sample takes."""
+    return (sum(_words_in(source) for source in sources) + 1) // 2
+
+
+def pack(sources: Sequence[Pointer], values: Sequence[float]) -> list[int]:
+    """Return a sample as long words, without a sign.
+
+    Raises:
+        GatherError: a value that its register cannot hold.
+    """
+    words: list[int] = []
+    for source, value in zip(sources, values, strict=True):
+        held = _held(source, value)
+        words.append(held & _WORD)
+        if _words_in(source) == 2:
+            words.append(held >> WORD_BITS)
+    if len(words) % 2:
+        words.append(PADDING)
+    return [low | high << WORD_BITS for low, high in zip(words[::2], words[1::2], strict=True)]
+
+
+def unpack(sources: Sequence[Pointer], long_words: Sequence[int]) -> list[float]:
+    """Return the values of a sample, whole numbers with their sign but for floating-point registers.
+
+    Raises:
+        GatherError: not the number of long words of a sample.
+    """
+    if len(long_words) != long_words_of(sources):
+        raise GatherError(f"{len(long_words)} long words; a sample has {long_words_of(sources)}")
+    words = iter([half for word in long_words for half in (word & _WORD, word >> WORD_BITS)])
+    values: list[float] = []
+    for source in sources:
+        held, bits = next(words), WORD_BITS
+        if _words_in(source) == 2:
+            held, bits = held | next(words) << WORD_BITS, LONG_BITS
+        values.append(float48.decode(held) if source.space == "L" else _signed(held, bits))
+    return values
+
+
+def listing(long_words: Sequence[int]) -> list[str]:
+    """Return the lines that LIST GATHER answers."""
+    starts = range(0, len(long_words), WORDS_PER_LINE)
+    return [" ".join(f"{word:012X}" for word in long_words[start : start + WORDS_PER_LINE]) for start in starts]
+
+
+def listed_words(lines: Iterable[str]) -> list[int]:
+    """Return the long words of a listing.
+
+    Raises:
+        GatherError: something that is no long word; a listing with a hole in it is of no use.
+    """
+    found = [text for line in lines for text in line.split()]
+    for place, text in enumerate(found):
+        if _LONG_WORD.fullmatch(text) is None:
+            raise GatherError(f"long word {place}: twelve hexadecimal digits, met {text!r}; list once more")
+    return [int(text, 16) for text in found]
+
+
+def _words_in(source: Pointer) -> int:
+    return 1 if source.space in "XY" else 2
+
+
+def _held(source: Pointer, value: float) -> int:
+    if source.space == "L":
+        return float48.encode(value)
+    bits = WORD_BITS * _words_in(source)
+    whole, limit = int(value), 1 << (bits - 1)
+    if whole != value or not -limit <= whole < limit:
+        raise GatherError(f"{source}: {value} is no whole number of {bits} bits with a sign")
+    return whole & ((1 << bits) - 1)
+
+
+def _signed(held: int, bits: int) -> int:
+    sign = 1 << (bits - 1)
+    return (held ^ sign) - sign

@@ -1,0 +1,131 @@
+"""Reading the lines of a PLC: text in, statements out, or a refusal.
+
+A PLC has branches, loops, assignments and messages like a motion program, conditions that go on over several
+lines, and addresses of its own; it has no motion, no labels, jumps or calls, and no `M1==1`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from drivers.pmac.language.expressions import parse_expression, parse_variable
+from drivers.pmac.language.flow_statements import parse_enclosed_condition
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.message_statements import MESSAGE_READERS
+from drivers.pmac.language.motion_statements import HIGHEST_MOTOR
+from drivers.pmac.language.syntax import (
+    Address,
+    Assign,
+    Else,
+    EndIf,
+    EndWhile,
+    FurtherCondition,
+    If,
+    Message,
+    PlcLine,
+    PlcStatement,
+    PlcSwitch,
+    While,
+)
+
+HIGHEST_SYSTEM = 16
+"""Of the largest family; what the card has not is found out when the statement is executed."""
+
+_Reader = Callable[[Scanner, str], PlcStatement | None]
+
+
+def parse_plc_line(text: str) -> PlcLine:
+    """Read one line that is meant for a PLC; a blank line or a comment is the empty line.
+
+    Nothing in it is `inline`: what stands behind an IF on its line waits for the ENDIF like the lines below.
+
+    Raises:
+        PmacError: 003, something on the line is not a statement of a PLC; 004, a character above 127 outside a
+            comment.
+    """
+    scanner = Scanner(text)
+    statements: list[PlcStatement] = []
+    while not scanner.at_end:
+        statement = parse_plc_statement(scanner)
+        if statement is None:
+            raise scanner.refusal("no statement of a PLC")
+        statements.append(statement)
+    return tuple(statements)
+
+
+def parse_plc_statement(scanner: Scanner) -> PlcStatement | None:
+    """Read one statement; None, with nothing consumed, if none stands at the cursor.
+
+    Raises:
+        PmacError: 003, a statement that begins well and goes wrong.
+    """
+    mark = scanner.mark()
+    target = parse_variable(scanner)
+    if target is not None and scanner.accept("="):
+        return Assign(target, parse_expression(scanner))
+    scanner.reset(mark)
+    word = scanner.take_word(_WORDS)
+    read = None if word is None else _READERS[word](scanner, word)
+    if read is None:
+        scanner.reset(mark)
+    return read
+
+
+def stored_lines(line: PlcLine) -> tuple[PlcLine, ...]:
+    """Return the lines that a PLC keeps of it: what stands behind a condition or an ELSE goes to the next one."""
+    lines: list[PlcLine] = []
+    rest: list[PlcStatement] = []
+    for statement in line:
+        if isinstance(statement, FurtherCondition) and rest:
+            lines.append(tuple(rest))
+            rest = []
+        rest.append(statement)
+        if isinstance(statement, If | While | Else | FurtherCondition):
+            lines.append(tuple(rest))
+            rest = []
+    return (*lines, tuple(rest)) if rest else tuple(lines)
+
+
+def _further(scanner: Scanner, word: str) -> FurtherCondition:
+    return FurtherCondition(word, parse_enclosed_condition(scanner))
+
+
+def _address(scanner: Scanner, word: str) -> Address:
+    """Read `#1`, `&2` or both, in either order."""
+    motor: int | None = None
+    system: int | None = None
+    while (motor is None and scanner.peek("#")) or (system is None and scanner.peek("&")):
+        if scanner.accept("#"):
+            motor = _number(scanner, HIGHEST_MOTOR)
+        else:
+            scanner.expect("&")
+            system = _number(scanner, HIGHEST_SYSTEM)
+    if motor is None and system is None:
+        raise scanner.refusal("expected a motor or a coordinate system as in ADDRESS#1&2")
+    return Address(motor, system)
+
+
+def _number(scanner: Scanner, highest: int) -> int:
+    number = scanner.take_integer()
+    if number is None or not 1 <= number <= highest:
+        raise scanner.refusal(f"expected a number from 1 to {highest}")
+    return number
+
+
+def _message(scanner: Scanner, word: str) -> PlcStatement | None:
+    statement = MESSAGE_READERS[word](scanner, word)
+    assert statement is None or isinstance(statement, Message | PlcSwitch)
+    return statement
+
+
+_READERS: Mapping[str, _Reader] = {
+    "IF": lambda scanner, word: If(parse_enclosed_condition(scanner)),
+    "WHILE": lambda scanner, word: While(parse_enclosed_condition(scanner)),
+    **dict.fromkeys(("AND", "OR"), _further),
+    "ELSE": lambda scanner, word: Else(),
+    **dict.fromkeys(("ENDIF", "ENDI"), lambda scanner, word: EndIf()),
+    **dict.fromkeys(("ENDWHILE", "ENDW"), lambda scanner, word: EndWhile()),
+    **dict.fromkeys(("ADDRESS", "ADR"), _address),
+    **dict.fromkeys(MESSAGE_READERS, _message),
+}
+_WORDS = tuple(_READERS)

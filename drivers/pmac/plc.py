@@ -1,0 +1,188 @@
+"""The execution of a PLC, one scan at a time: from where it stands to its end, or to an ENDWHILE.
+
+An ENDWHILE ends the scan, and the next one goes on with its WHILE (PMAC User Manual, PLC Programs 1-31). So every
+scan ends: inside it there is no way back, and each statement is executed once at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from drivers.pmac.language import syntax
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
+from drivers.pmac.language.plc_structure import PlcCode
+from drivers.pmac.variables import SystemVariables, VariableStore
+
+_ANGLE_UNIT = 15
+"""I15: 0 is degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class Addressed:
+    """The motor and the coordinate system that commands mean which do not name one."""
+
+    motor: int = 1
+    system: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlcFault:
+    """A run-time error: in which line (from 0), the number of ERRnnn, and what was met, for people."""
+
+    line: int
+    code: int
+    detail: str
+
+
+class PlcHost(Protocol):
+    """Where the words of a PLC go that are not about variables; each in the order of the program."""
+
+    def command(self, text: str, port: str, addressed: Addressed) -> None:
+        """CMD: an on-line command for the background; what names no motor or system is for those addressed."""
+
+    def send(self, text: str, port: str) -> None:
+        """SEND: text for a host."""
+
+    def display(self, text: str) -> None:
+        """DISPLAY: text for the display port."""
+
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
+        """ENABLE or DISABLE PLC; it may be the one that runs, whose scan still goes on to its end."""
+
+
+_Step = Callable[[], int]
+"""Executes an instruction and returns the place of the next one."""
+
+
+class PlcRun:
+    """One PLC on its way from scan to scan."""
+
+    def __init__(
+        self, code: PlcCode, variables: VariableStore, host: PlcHost, addressed: Addressed | None = None
+    ) -> None:
+        """`addressed` is what an earlier text of the same PLC has left; at power-up it is #1 and &1."""
+        self.addressed = addressed or Addressed()
+        self._code = code
+        self._variables = variables
+        self._host = host
+        self._values: SystemVariables = variables.view(self.addressed.system)
+        self._degrees = True
+        self._steps: list[_Step] = []
+        self._counter = 0
+
+    @property
+    def line(self) -> int:
+        """The line that the next scan begins with, from 0."""
+        lines = self._code.line_of
+        return lines[self._counter] if lines else 0
+
+    def restart(self) -> None:
+        """Begin the next scan at the top; what is addressed stays."""
+        self._counter = 0
+
+    def scan(self) -> PlcFault | None:
+        """Execute one scan.
+
+        Returns:
+            None, or the run-time error that has ended it: the PLC is to be switched off then, and is at its top.
+        """
+        self._follow_angle_unit()
+        steps, place = self._steps, self._counter
+        self._counter = 0
+        while place < len(steps):
+            try:
+                following = steps[place]()
+            except PmacError as error:
+                return PlcFault(line=self._code.line_of[place], code=error.code, detail=error.detail)
+            if following <= place:
+                self._counter = following
+                return None
+            place = following
+        return None
+
+    def _follow_angle_unit(self) -> None:
+        """Compile when I15 is not what it was at the last scan."""
+        degrees = self._variables.i(_ANGLE_UNIT) == 0
+        if not self._steps or degrees != self._degrees:
+            self._degrees = degrees
+            self._steps = [self._step(place) for place in range(len(self._code.instructions))]
+
+    def _step(self, place: int) -> _Step:
+        statement, behind = self._code.instructions[place], place + 1
+        match statement:
+            case syntax.While() | syntax.If():
+                return self._branch(statement.condition, behind, self._code.jumps[place])
+            case syntax.EndWhile() | syntax.Else():
+                target = self._code.jumps[place]
+                return lambda: target
+            case syntax.EndIf():
+                return lambda: behind
+            case syntax.Assign():
+                return self._assign(statement, behind)
+            case syntax.Message():
+                return self._say(statement, behind)
+            case syntax.PlcSwitch():
+                return self._switch(statement, behind)
+            case syntax.Address():
+                return self._address(statement, behind)
+
+    def _branch(self, condition: syntax.Condition, behind: int, otherwise: int) -> _Step:
+        holds = compile_condition(condition, self._degrees, strict=False)
+        return lambda: behind if holds(self._values) else otherwise
+
+    def _assign(self, statement: syntax.Assign, behind: int) -> _Step:
+        kind = statement.target.kind
+        index, value = self._value(statement.target.index), self._value(statement.value)
+
+        def step() -> int:
+            self._values.set(kind, int(index(self._values)), value(self._values))
+            return behind
+
+        return step
+
+    def _say(self, statement: syntax.Message, behind: int) -> _Step:
+        def step() -> int:
+            match statement.word:
+                case "CMD":
+                    self._host.command(statement.text, statement.port, self.addressed)
+                case "SEND":
+                    self._host.send(statement.text, statement.port)
+                case _:
+                    self._host.display(statement.text)
+            return behind
+
+        return step
+
+    def _switch(self, statement: syntax.PlcSwitch, behind: int) -> _Step:
+        def step() -> int:
+            self._host.switch_plc(statement.enable, statement.numbers)
+            return behind
+
+        return step
+
+    def _address(self, statement: syntax.Address, behind: int) -> _Step:
+        dialect = self._variables.dialect
+        motor, system = statement.motor, statement.system
+
+        def step() -> int:
+            if motor is not None:
+                _require("motor", motor, dialect.motor_count)
+                self.addressed = replace(self.addressed, motor=motor)
+            if system is not None:
+                _require("coordinate system", system, dialect.system_count)
+                self.addressed = replace(self.addressed, system=system)
+                self._values = self._variables.view(system)
+            return behind
+
+        return step
+
+    def _value(self, expression: syntax.Expression) -> Value:
+        return compile_expression(expression, self._degrees, strict=False)
+
+
+def _require(what: str, number: int, highest: int) -> None:
+    if number > highest:
+        raise PmacError(ErrorCode.DATA_ERROR, f"ADDRESS: {what} {number} does not exist; 1 to {highest}")

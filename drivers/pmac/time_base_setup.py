@@ -1,0 +1,57 @@
+"""What a host sends to set up an external time base: two lines of the conversion table, Ix93 and Ix94.
+
+Sources: PMAC Software Reference and Turbo Software Reference, encoder conversion table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.time_base_source import FASTEST_SLEW, Trigger
+
+TIME_BASE_METHOD = 0x4
+"""The method digit of an entry that is not triggered."""
+
+_METHOD_SHIFT = 20
+_TURBO_MODE = 1 << 19
+"""In a triggered entry of a Turbo PMAC: the source is a servo IC of the PMAC2 kind."""
+
+_SOURCE, _SLEW = 93, 94
+"""Ix93, where the time base comes from, and Ix94, how fast it may change."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeBaseEntry:
+    """Two lines of the conversion table, from `line` on (0 is the first).
+
+    `source` is the address of a converted position, or, if `trigger` is not None, of the registers of an encoder.
+    """
+
+    line: int
+    source: int
+    factor: int
+    trigger: Trigger | None = None
+    pmac2_encoder: bool = False
+
+    def word(self) -> int:
+        """Return the set-up word of the first line; the second one holds the scale factor."""
+        method = TIME_BASE_METHOD if self.trigger is None else self.trigger
+        mode = _TURBO_MODE if self.trigger is not None and self.pmac2_encoder else 0
+        return method << _METHOD_SHIFT | mode | self.source
+
+    def address(self, dialect: Dialect) -> int:
+        """Return where the time base is, in X: the result of the second line."""
+        return dialect.conversion_table.first_address + self.line + 1
+
+    def commands(self, dialect: Dialect, system: int = 1) -> list[str]:
+        """Return the lines to send; the last one keeps Ix94 from limiting, which would lose counts."""
+        table = dialect.conversion_table
+        source, slew = dialect.system_index(system, _SOURCE), dialect.system_index(system, _SLEW)
+        if table.first_setting is None:
+            place = table.first_address + self.line
+            setup = [f"WY:${place:X},${self.word():X},{self.factor}"]
+        else:
+            first = table.first_setting + self.line
+            setup = [f"I{first}=${self.word():X}", f"I{first + 1}={self.factor}"]
+        return [*setup, f"I{source}=${self.address(dialect):X}", f"I{slew}={FASTEST_SLEW}"]

@@ -1,0 +1,127 @@
+"""External time base: the time of a coordinate system's trajectories passes with the counts of a master encoder.
+
+An entry of the encoder conversion table turns the counts of each servo cycle into trajectory time; Ix93 points at
+it. At the real-time input frequency (RTIF) programmed times are true. Everything is whole numbers, as on the card,
+so that nothing drifts: the scale factor 131072 / RTIF has to be one. Sources: PMAC and Turbo User Manual,
+synchronizing to external events; Software Reference, encoder conversion table, Ix93, Ix94; Turbo I8000.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from fractions import Fraction
+
+from drivers.pmac.converted_position import COUNT_PARTS, parts_of
+from drivers.pmac.memory import WORD_BITS
+from drivers.pmac.settings import I10_PER_MS
+
+UNITS_PER_MS = I10_PER_MS
+"""Time bases, I10 and Ix94 are in 2^-23 ms."""
+
+WIDEST_UNITS = (1 << (WORD_BITS - 1)) - 1
+"""A time base is a word of 24 bits with a sign: just below 1 ms of trajectory time in a servo cycle."""
+
+FASTEST_SLEW = WIDEST_UNITS
+"""Ix94 that never limits, so that the master is not lost."""
+
+_SCALE = 2**17
+"""The scale factor times RTIF, counts/ms."""
+
+_UNITS_PER_PART = UNITS_PER_MS // (_SCALE * COUNT_PARTS)
+_UNITS_PER_COUNT = UNITS_PER_MS // _SCALE
+
+
+class ScaleFactorError(ValueError):
+    """No whole scale factor belongs to a real-time input frequency."""
+
+
+def scale_factor(real_time_counts_per_ms: float | Fraction) -> int:
+    """Return 131072 / RTIF.
+
+    Raises:
+        ScaleFactorError: it is no whole number from 1 to 8388607; the nearest frequencies with one are told.
+    """
+    # The decimal that was written, not its nearest binary fraction: 163.84 is 800 exactly.
+    wanted = Fraction(str(real_time_counts_per_ms))
+    if wanted <= 0:
+        raise ScaleFactorError(f"RTIF {real_time_counts_per_ms} counts/ms; above 0")
+    factor = _SCALE / wanted
+    if factor.denominator == 1 and factor <= WIDEST_UNITS:
+        return int(factor)
+    below = min(max(1, int(factor)), WIDEST_UNITS - 1)
+    nearest = " or ".join(f"{float(Fraction(_SCALE, whole)):.10g}" for whole in (below, below + 1))
+    raise ScaleFactorError(
+        f"RTIF {real_time_counts_per_ms} counts/ms: scale factor {float(factor):.6g} is no whole number from 1 to"
+        f" {WIDEST_UNITS}; the nearest RTIF are {nearest}"
+    )
+
+
+def percent(factor: int, counts_per_ms: float) -> float:
+    """Return the time base as `%` reports it, for a master of this speed."""
+    return 100.0 * factor * counts_per_ms / _SCALE
+
+
+def increment_units(factor: int, master_parts: int) -> int:
+    """Return the trajectory time of a servo cycle, 2^-23 ms, for master counts in 1/32; a word is full at 1 ms."""
+    return _saturated(_UNITS_PER_PART * factor * master_parts)
+
+
+def increment_ms(factor: int, master_counts: float) -> float:
+    """Return the trajectory time of a servo cycle, ms; of the master's counts only whole 1/32 are seen.
+
+    From cycle to cycle take `increment_units` of the change of `parts_of` the position: what is below 1/32 count
+    in one cycle then counts in a later one.
+    """
+    return increment_units(factor, parts_of(master_counts)) / UNITS_PER_MS
+
+
+def slewed(present_units: int, wanted_units: int, slew_units: int) -> int:
+    """Return the time base of the next servo cycle: at most Ix94 from the present one. What is cut off is lost."""
+    return present_units + max(-slew_units, min(slew_units, wanted_units - present_units))
+
+
+class Trigger(IntEnum):
+    """The three states of a triggered time base: the method digit of its entry in the conversion table."""
+
+    FROZEN = 0x9
+    """No time passes."""
+    RUNNING = 0xA
+    """Time passes with the master, after the trigger."""
+    ARMED = 0xB
+    """No time passes until the trigger comes; then the state is running."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriggeredTimeBase:
+    """A triggered entry: its state, scale factor, and the master's count of the servo cycle before.
+
+    The source is the encoder itself, in whole counts, and not the converted position.
+    """
+
+    state: Trigger
+    factor: int
+    counts: int = 0
+
+    def set_state(self, method: int) -> TriggeredTimeBase:
+        """Return the entry after a program has written $90, $A0 or $B0, the upper byte of the entry.
+
+        Raises:
+            ValueError: another method, which makes it another kind of entry.
+        """
+        return replace(self, state=Trigger(method >> 4))
+
+    def step(self, counts: int, captured: int | None = None) -> tuple[TriggeredTimeBase, int]:
+        """Go on by a servo cycle, at whose end the master is at `counts`; return the time of it, 2^-23 ms, too.
+
+        `captured` is the count at which the trigger came, if it came in this cycle: time begins exactly there.
+        """
+        start, state = self.counts, self.state
+        if state is Trigger.ARMED and captured is not None:
+            start, state = captured, Trigger.RUNNING
+        passed = counts - start if state is Trigger.RUNNING else 0
+        return replace(self, state=state, counts=counts), _saturated(_UNITS_PER_COUNT * self.factor * passed)
+
+
+def _saturated(units: int) -> int:
+    return max(-WIDEST_UNITS - 1, min(WIDEST_UNITS, units))
