@@ -193,6 +193,46 @@ def test_after_an_abort_r_goes_on_behind_what_was_calculated(card: IdealCard) ->
     assert card.x == 3000
 
 
+@pytest.mark.parametrize(
+    ("mode", "end"),
+    [
+        # Stopped at 1000 and jogged to 1500: three distances of 1000 are left.
+        ("INC", 4500),
+        # Places stay places.
+        ("ABS", 4000),
+    ],
+)
+def test_a_move_that_was_taken_back_starts_from_where_the_motor_was_jogged_to(
+    card: IdealCard, mode: str, end: float
+) -> None:
+    card.set(I13=5)
+    places = (1000, 1000, 1000, 1000) if mode == "INC" else (1000, 2000, 3000, 4000)
+    started(card, mode, "TA10 TS0 TM500", *(f"X{place}" for place in places), after_ms=200)
+    card.system.stop_at_block()
+    card.settle()
+    assert card.x == 1000
+    card.motor().jog_to(1500)
+    card.settle()
+    card.system.match_positions()
+    card.system.run()
+    card.settle()
+    assert card.x == end
+    assert max(card.track[1]) == end, "no way there and back"
+
+
+def test_a_spline_that_looks_ahead_goes_on_from_where_an_abort_left_it(card: IdealCard) -> None:
+    started(card, "INC", "SPLINE2 TA300", *["X100"] * 6, after_ms=700)
+    card.system.abort()
+    card.settle()
+    stopped, seen = card.x, len(card.track[1])
+    card.system.run()
+    card.settle()
+    left = (card.x - stopped) / 100
+    assert left == pytest.approx(round(left), abs=1e-9), "whole distances of 100 are left"
+    assert card.x > stopped
+    assert np.all(np.diff(card.track[1][seen:]) >= -1e-9), "never back"
+
+
 def test_b_forgets_where_the_program_was(card: IdealCard) -> None:
     started(card, *THREE)
     card.system.quit()

@@ -6,6 +6,7 @@ positions are counts, times ms.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from drivers.pmac.axes import AxisDefinition
@@ -20,6 +21,7 @@ from drivers.pmac.requests import (
     Halt,
     HomeRequest,
     LinearRequest,
+    MoveRequest,
     PresetRequest,
     PvtRequest,
     RapidRequest,
@@ -149,10 +151,25 @@ class MotionPlanner:
 
         After a PSET the axes have other positions there: `definitions` say which.
         """
+        before = self._frame.positions(self.target)
         self._frame = MotorFrame(definitions or self._frame.definitions, self._variables, self._system)
+        self._re_aim(before, self._frame.positions(counts))
         self._blend = at_rest(counts)
         self._pvt_velocity = self._spline = None
         self._after_break = True
+
+    def _re_aim(self, before: Mapping[str, float], now: Mapping[str, float]) -> None:
+        """Let a move that was calculated already, but not laid, start from where the axes are now.
+
+        Distances (INC) stay distances; what follows it in the program counts from its end.
+        """
+        ahead, self._newest = self._ahead, None
+        if not isinstance(ahead, MoveRequest):
+            return
+        shift = {axis: now[axis] - before[axis] for axis in now if axis not in ahead.absolute}
+        targets = {axis: target + shift.get(axis, 0.0) for axis, target in ahead.targets.items()}
+        self._ahead = replace(ahead, targets=targets)
+        self.run.relocate(targets)
 
     def _lay(self, request: Request) -> Planned:
         match request:
