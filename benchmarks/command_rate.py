@@ -17,6 +17,7 @@ import statistics
 import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -40,6 +41,7 @@ CLOCK_S = 10.0
 CLIENTS = 4
 POLL_HZ = 100.0
 LOOK = b"#1PVF#2PVF#3PVF&1??\r"
+RANGE = b"I0..1023\r"
 
 ECHO = """
 import asyncio
@@ -163,6 +165,28 @@ def poll(port: int) -> None:
             return
 
 
+def flood(port: int) -> None:
+    """Ask for a thousand values at a time, faster than they are answered, until the server is gone."""
+    with connect(port) as host:
+        host.settimeout(None)
+        reading = threading.Thread(target=drain, args=(host,), daemon=True)
+        reading.start()
+        try:
+            while True:
+                host.sendall(RANGE * BATCH)
+        except OSError:
+            return
+
+
+def drain(host: socket.socket) -> None:
+    """Read whatever comes."""
+    try:
+        while host.recv(1 << 20):
+            pass
+    except OSError:
+        return
+
+
 class Nothing:
     """What takes no time to simulate."""
 
@@ -177,7 +201,7 @@ async def lag_of_the_timer() -> LagRecord:
     return lag
 
 
-async def lag_of(clients: int) -> LagRecord:
+async def lag_of(clients: int, client: Callable[[int], None] = poll) -> LagRecord:
     """Serve in this process, for clients in processes of their own; return how late the clock came."""
     lathe, lag = SimulatedLathe(load_machine(MACHINE).machine), LagRecord()
     hosts: set[Host] = set()
@@ -185,7 +209,7 @@ async def lag_of(clients: int) -> LagRecord:
     server = await asyncio.get_running_loop().create_server(create, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     context = multiprocessing.get_context("spawn")
-    polling = [context.Process(target=poll, args=(port,), daemon=True) for _ in range(clients)]
+    polling = [context.Process(target=client, args=(port,), daemon=True) for _ in range(clients)]
     for process in polling:
         process.start()
     await keep_time(lathe, hosts, connected(hosts, clients))
@@ -212,6 +236,7 @@ def main() -> None:
     lags = [("nothing to simulate (baseline)", asyncio.run(lag_of_the_timer()))]
     lags.append(("no clients", asyncio.run(lag_of(0))))
     lags.append((f"{CLIENTS} clients at {POLL_HZ:.0f} Hz", asyncio.run(lag_of(CLIENTS))))
+    lags.append(("one host streaming ranges", asyncio.run(lag_of(1, flood))))
     baseline_s = lags[0][1].quantile_s(0.99)
     rows = [
         (

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import codecs
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from console.cli.library import machine_of
-from console.cli.move_table import move_lines
+from console.cli.move_table import move_tables
 from console.cli.output import print_json
+from console.cli.plain_number import PlainNumber
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
 from drivers.errors import DriverError
-from drivers.pmac.analysis.findings import Finding, Level, Sentence
+from drivers.pmac.analysis.findings import Finding, Level, Sentence, Value
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
 from drivers.pmac.analysis.program import ProgramCheck, check_program
+from drivers.pmac.analysis.start import Source, Start
 from drivers.pmac.analysis.units import unit_of
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.trajectory.linear import Timing
@@ -26,6 +29,13 @@ WIDTH = 80
 CAP_BYTES = 4_000_000
 MOST_RANGES = 4
 """Places that a finding names in its line; --json has them all."""
+
+_MARKS_OF_ENCODINGS = (
+    ("UTF-32", codecs.BOM_UTF32_LE),  # begins as UTF-16 does
+    ("UTF-32", codecs.BOM_UTF32_BE),
+    ("UTF-16", codecs.BOM_UTF16_LE),
+    ("UTF-16", codecs.BOM_UTF16_BE),
+)
 
 _MARKS = {Level.FAULT: "✗", Level.WARNING: "!", Level.NOTICE: "·"}
 
@@ -45,15 +55,30 @@ def _checked(options: Namespace, machine: MachineProfile) -> ProgramCheck:
     """Read the file and check it.
 
     Raises:
-        ProblemError: `file.unreadable`, `file.too_large`; `program.refused`, there is nothing to look at.
+        ProblemError: `file.unreadable`, `file.too_large`; `program.encoding`; `program.refused`, there is nothing
+            to look at; `program.start_axis`, `program.start_too_far`.
     """
     content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES)
+    encoding = _wide_encoding(content)
+    if encoding is not None:
+        raise DriverError(Problem(code="program.encoding", where=printable(options.file), value=encoding))
     # What is no UTF-8 stays a character that the controller does not take; in a comment it does no harm.
+    text = content.decode("utf-8-sig", "replace")
     try:
-        return check_program(content.decode("utf-8-sig", "replace"), machine, options.ta_ms, options.ts_ms)
+        return check_program(text, machine, options.ta_ms, options.ts_ms, options.start)
     except PmacError as error:
         problem = Problem(code="program.refused", where=printable(options.file), value=str(error))
         raise DriverError(problem) from error
+
+
+def _wide_encoding(content: bytes) -> str | None:
+    """Return the name of an encoding with several bytes for each character of a program; None for all others."""
+    for encoding, mark in _MARKS_OF_ENCODINGS:
+        if content.startswith(mark):
+            return encoding
+    # No program has a NUL; what is ASCII has one in every second byte there, and none in the others.
+    empty, other = sorted((content[place::2].count(0) for place in (0, 1)), reverse=True)
+    return "UTF-16" if empty > len(content) // 4 and not other else None
 
 
 def _lines(options: Namespace, machine: MachineProfile, checked: ProgramCheck, text: Catalogue) -> list[str]:
@@ -64,9 +89,26 @@ def _lines(options: Namespace, machine: MachineProfile, checked: ProgramCheck, t
         machine=machine.name,
         duration=checked.duration_ms / 1000.0,
     )
-    lines = [*broken(facts, WIDTH), text("check.start"), ""]
-    if checked.moves:
-        lines += [*move_lines(machine, checked, text), ""]
+    head = [*broken(facts, WIDTH), *broken(_start(checked.start, text), WIDTH), ""]
+    judged = _judged(checked, text)
+    if not checked.moves:
+        return [*head, *judged]
+    tables = move_tables(machine, checked, text)
+    # Who reads the first screen of a long text shall have read what matters.
+    return [*head, *tables.lines, "", *judged] if tables.whole else [*head, *judged, "", *tables.lines]
+
+
+def _start(start: Start, text: Catalogue) -> str:
+    if start.source is Source.HOME:
+        return text("check.start.home")
+    if start.source is Source.OPERATOR:
+        return text("check.start.operator", place=str(start))
+    return text("check.start.comment", place=str(start), line=start.line)
+
+
+def _judged(checked: ProgramCheck, text: Catalogue) -> list[str]:
+    """Return the findings, then the explanation."""
+    lines: list[str] = []
     for finding in checked.findings:
         lines += _item(f"{_MARKS[finding.level]} ", _finding(finding, text))
     if not checked.findings:
@@ -82,7 +124,7 @@ def _item(mark: str, sentence: str) -> list[str]:
 
 
 def _finding(finding: Finding, text: Catalogue) -> str:
-    sentence = text(f"check.finding.{finding.code}", **finding.values)
+    sentence = text(f"check.finding.{finding.code}", **_shown(finding.values))
     if not finding.lines:
         return sentence
     key = "check.line" if len(finding.lines) == 1 else "check.lines"
@@ -102,7 +144,11 @@ def _places(lines: Sequence[int]) -> str:
 
 
 def _said(sentence: Sentence, text: Catalogue) -> str:
-    return text(f"check.said.{sentence.code}", **sentence.values)
+    return text(f"check.said.{sentence.code}", **_shown(sentence.values))
+
+
+def _shown(values: Mapping[str, Value]) -> dict[str, Value]:
+    return {name: PlainNumber(value) if isinstance(value, float) else value for name, value in values.items()}
 
 
 def _fields(
@@ -112,6 +158,7 @@ def _fields(
         "file": options.file,
         "machine": machine.name,
         "program": checked.number,
+        "start": {"source": checked.start.source.value, "positions": dict(checked.start.positions)},
         "ta_ms": options.ta_ms,
         "ts_ms": options.ts_ms,
         "duration_ms": checked.duration_ms,

@@ -110,6 +110,7 @@ def _check_program(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "check-program", text)
     parser.add_argument("file", metavar="FILE", help=text("help.program_file"))
     _machine(parser, text)
+    parser.add_argument("--from", metavar="X=N,Y=N", type=_start, dest="start", help=text("help.start"))
     parser.add_argument("--ta", metavar="MS", type=_ts, dest="ta_ms", help=text("help.other_ta"))
     parser.add_argument("--ts", metavar="MS", type=_ts, dest="ts_ms", help=text("help.other_ts"))
 
@@ -183,6 +184,15 @@ def _ts(word: str) -> int:
     if not (word.isascii() and word.isdigit()) or int(word) > TS_LIMIT_MS:
         raise argparse.ArgumentTypeError(Parser.text("usage.ts", value=word, limit=TS_LIMIT_MS))
     return int(word)
+
+
+def _start(word: str) -> dict[str, float]:
+    from drivers.pmac.analysis.start import read_start
+
+    try:
+        return read_start(word)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(Parser.text("usage.start", value=str(error))) from error
 
 
 def _host_port(word: str) -> TcpAddress:

@@ -9,7 +9,10 @@ from console.cli.output import print_json
 from console.cli.warn import tell_warnings
 from console.session.run import plan_run
 from console.text.catalogue import Catalogue
-from drivers.cut import Strategy
+from drivers.cut import CutPlan, Strategy
+from drivers.pmac.analysis.start import start_comment
+from drivers.pmac.axes import read_definitions
+from profiles.machine import MachineProfile
 
 
 def main(options: Namespace, text: Catalogue) -> int:
@@ -18,13 +21,14 @@ def main(options: Namespace, text: Catalogue) -> int:
     job = loaded.job
     plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path))
     warnings = tell_warnings(plan, text)
+    program = f"{_start_line(plan.cut, machine)}\n{plan.cut.text}"
     if options.json:
         print_json(
             {
                 "job": job.name,
                 "machine": machine.name,
                 "strategy": options.strategy,
-                "program": plan.cut.text,
+                "program": program,
                 "spindle_rpm": plan.cut.spindle_speed_rpm,
                 "lobe_frequency_hz": plan.cut.spindle_speed_rpm * job.jaws / 60.0,
                 "segment_ms": plan.cut.segment_ms,
@@ -33,5 +37,15 @@ def main(options: Namespace, text: Catalogue) -> int:
             }
         )
     else:
-        print(plan.cut.text, end="")
+        print(program, end="")
     return 0
+
+
+def _start_line(cut: CutPlan, machine: MachineProfile) -> str:
+    """Return the comment that says where the driver puts the motors before it starts the program."""
+    counts = {
+        machine.tool.motor: cut.tool_start,
+        machine.spindle.motor: cut.spindle_start,
+        machine.carriage.motor: cut.carriage_start,
+    }
+    return start_comment(read_definitions(machine.controller.axis_definitions), counts)

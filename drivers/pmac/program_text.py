@@ -7,21 +7,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
-from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM, HIGHEST_PROGRAM
+from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.message_statements import HIGHEST_PLC
 from drivers.pmac.language.parser import parse_line, parse_statement
+from drivers.pmac.language.program_buffers import (
+    CLEAR,
+    CLOSE,
+    HIGHEST_PLC,
+    HIGHEST_PROGRAM,
+    OPEN_PLC,
+    OPEN_PROGRAM,
+    TRAILING_CLOSE,
+)
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
 
 _DIRECTIVE = re.compile(r"#\s*(define|include|undef|ifdef|ifndef|if|else|endif)\b", re.IGNORECASE)
-_TRAILING_CLOSE = re.compile(r"C\s*L\s*O\s*S\s*E\s*$", re.IGNORECASE)
 _COMMENT = re.compile(r'((?:[^;"]|"[^"]*"?)*);.*')
-_PROGRAM_WORDS = ("OPENPROGRAM", "OPENPROG")
-_PLC_WORD = "OPENPLC"
-_BUFFER_WORDS = (*_PROGRAM_WORDS, _PLC_WORD, "OPEN", "CLEAR", "CLR", "CLOSE")
+_BUFFER_WORDS = (*OPEN_PROGRAM, *OPEN_PLC, "OPEN", *CLEAR, *CLOSE)
 
 _BUFFERED = (
     syntax.Set
@@ -153,7 +158,7 @@ class _Taken:
         while (word := scanner.take_word(_BUFFER_WORDS)) is not None:
             self._buffer_word(scanner, word)
         rest = line[scanner.position :]
-        closing = _TRAILING_CLOSE.search(rest)
+        closing = TRAILING_CLOSE.search(rest)
         if closing is not None:
             rest = rest[: closing.start()]
         self._line(rest.strip())
@@ -161,9 +166,9 @@ class _Taken:
             self.program = self.plc = None
 
     def _buffer_word(self, scanner: Scanner, word: str) -> None:
-        if word == "CLOSE":
+        if word in CLOSE:
             self.program = self.plc = None
-        elif word in ("CLEAR", "CLR"):
+        elif word in CLEAR:
             for buffer in (self.program, self.plc):
                 if buffer is not None:
                     buffer.clear()
@@ -171,9 +176,9 @@ class _Taken:
                 self.places[self.number] = []
         elif self.program is not None or self.plc is not None:
             raise PmacError(ErrorCode.BUFFER_IN_USE, "CLOSE is missing before the next OPEN")
-        elif word == _PLC_WORD:
+        elif word in OPEN_PLC:
             self.plc = self.plcs.setdefault(_number(scanner, 0, HIGHEST_PLC), [])
-        elif word in _PROGRAM_WORDS:
+        elif word in OPEN_PROGRAM:
             self.number = _number(scanner, 1, HIGHEST_PROGRAM)
             self.program = self.programs.setdefault(self.number, [])
             self.places.setdefault(self.number, [])

@@ -37,8 +37,6 @@ def servo_cycle_ms(i10: float) -> float:
 
 def _places(index: int, dialect: Dialect) -> Iterable[int]:
     """Return where a setting of the non-Turbo controller stands in a dialect; one for all may become one each."""
-    if dialect is PMAC:
-        return (index,)
     owner, number = divmod(index, 100)
     for setting, place in PMAC.places.items():
         if place.number == number and (place.scope is Scope.GLOBAL) == (owner == 0):
@@ -52,6 +50,5 @@ def _spread(dialect: Dialect, owner: int, setting: Setting) -> Iterable[int]:
     """`owner` is 0 for what the non-Turbo controller has once; then all motors or systems get it."""
     owners: Iterable[int] = (owner,)
     if owner == 0:
-        motors = dialect.places[setting].scope is Scope.MOTOR
-        owners = range(1, (dialect.motor_count if motors else dialect.system_count) + 1)
+        owners = dialect.numbers(dialect.places[setting].scope)
     return {dialect.index(setting, each) for each in owners}

@@ -32,6 +32,17 @@ class AxisFrame:
         """The definitions for the axes as they count now, in the same order."""
         return tuple(self.definitions[number].shifted(self._origins) for number in sorted(self.definitions))
 
+    @property
+    def stopped_at(self) -> Vector | None:
+        """Where a program that can be gone on with has left the motors, counts; None when that may be anywhere."""
+        places = tuple(motor.stopped_at for motor in self.motors if motor.stopped_at is not None)
+        return places if len(places) == len(self.motors) else None
+
+    @stopped_at.setter
+    def stopped_at(self, places: Vector | None) -> None:
+        for at, motor in enumerate(self.motors):
+            motor.stopped_at = None if places is None else places[at]
+
     def positions(self) -> dict[str, float]:
         """Return where the axes are commanded to be, in user units."""
         desired = {motor.number: motor.desired for motor in self.motors}

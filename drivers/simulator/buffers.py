@@ -2,46 +2,29 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from contextlib import suppress
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line
-from drivers.pmac.language.syntax import (
-    AxisWord,
-    Feedrate,
-    Home,
-    Line,
-    Move,
-    Normal,
-    Positioning,
-    Preset,
-    SelectMode,
-    Set,
-    Wait,
-)
-from drivers.pmac.language.text import format_line
+from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
+from drivers.pmac.language.program_buffers import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.simulator.context import Context
 from drivers.simulator.controller import Controller
-from drivers.simulator.program_buffer import OpenBuffer, ProgramBuffer
+from drivers.simulator.program_buffer import OpenBuffer, PlcBuffer, ProgramBuffer
 
-HIGHEST_PROGRAM = 32_767
-HIGHEST_PLC = 31
 MAX_LINES = 20_000
 """Room for one program; a real card has some tens of thousands of words for all."""
 
 ROOM_LINES = 100_000
 """Room for all of them."""
 
+_CHARACTERS_A_VALUE = 2
+"""So many are stored in the time that a variable is read."""
+
 PROTECTED_PROGRAMS = range(1000, HIGHEST_PROGRAM + 1)
 PROTECTED_PLCS = range(16)
 """What a password keeps from being opened and listed (Software Reference, PASSWORD)."""
-
-_MOTION = (AxisWord, Feedrate, Home, Move, Normal, Positioning, Preset, SelectMode, Set, Wait)
-"""Statements that no PLC can have."""
-
-_TRAILING_CLOSE = re.compile(r"C\s*L\s*O\s*S\s*E\s*$", re.IGNORECASE)
 
 
 def open_program(context: Context, number: int) -> None:
@@ -63,7 +46,7 @@ def open_program(context: Context, number: int) -> None:
 
 
 def open_plc(context: Context, number: int) -> None:
-    """OPEN PLC n: it is switched off.
+    """OPEN PLC n: it is switched off, until it is switched on behind CLOSE.
 
     Raises:
         PmacError: 002 protected, 007 a buffer is open already.
@@ -71,8 +54,7 @@ def open_plc(context: Context, number: int) -> None:
     controller = context.controller
     _refuse_open(controller)
     refuse_protected(controller, number, PROTECTED_PLCS)
-    controller.plcs.setdefault(number, ProgramBuffer())
-    controller.plc_enabled.discard(number)
+    controller.plcs.open(number)
     controller.open_buffer = OpenBuffer(plc=number, owner=context)
 
 
@@ -115,8 +97,7 @@ def delete_plc(controller: Controller, number: int) -> None:
     if opened is not None and opened.plc == number:
         raise PmacError(ErrorCode.BUFFER_IN_USE, f"PLC {number} is open")
     refuse_protected(controller, number, PROTECTED_PLCS)
-    controller.plcs.pop(number, None)
-    controller.plc_enabled.discard(number)
+    controller.plcs.delete(number)
 
 
 def delete_all(controller: Controller) -> None:
@@ -130,11 +111,11 @@ def delete_all(controller: Controller) -> None:
         raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "DELETE ALL")
     for number in controller.programs:
         refuse_protected(controller, number, PROTECTED_PROGRAMS)
-    for number in controller.plcs:
+    for number in controller.plcs.buffers:
         refuse_protected(controller, number, PROTECTED_PLCS)
     controller.programs.clear()
-    controller.plcs.clear()
-    controller.plc_enabled.clear()
+    for number in tuple(controller.plcs.buffers):
+        controller.plcs.delete(number)
 
 
 def store(scanner: Scanner, context: Context) -> None:
@@ -148,29 +129,31 @@ def store(scanner: Scanner, context: Context) -> None:
     begin = scanner.position
     scanner.reset(scanner.mark() + len(scanner.rest))
     rest = context.text[begin : scanner.position]
-    closing = _TRAILING_CLOSE.search(rest)
-    line = parse_line(rest[: closing.start()] if closing else rest)
-    opened = controller.open_buffer
-    if opened is not None and opened.plc is not None and any(isinstance(statement, _MOTION) for statement in line):
-        raise PmacError(ErrorCode.DATA_ERROR, f"motion in a PLC: {rest[:20]}")
-    if len(buffer.lines) >= MAX_LINES or room_lines(controller) <= 0:
-        raise PmacError(ErrorCode.NO_ROOM, f"{MAX_LINES} lines")
-    if line:
-        buffer.lines.append(line)
+    context.work += len(rest) // _CHARACTERS_A_VALUE
+    closing = TRAILING_CLOSE.search(rest)
+    text = rest[: closing.start()] if closing else rest
+    if isinstance(buffer, PlcBuffer):
+        plc_lines = stored_lines(parse_plc_line(text))
+        _refuse_full(controller, buffer, len(plc_lines))
+        buffer.lines.extend(plc_lines)
+    else:
+        line = parse_line(text)
+        _refuse_full(controller, buffer, 1)
+        if line:
+            buffer.lines.append(line)
     if closing:
         close(controller)
 
 
-def listing(lines: Sequence[Line], first: int, count: int | None) -> list[str]:
-    """Return the text of `count` lines (all, if None) from line `first`, which is counted from 0."""
-    end = None if count is None else first + count
-    return [format_line(line) for line in lines[first:end]]
-
-
 def room_lines(controller: Controller) -> int:
     """Return how many lines more can be stored."""
-    stored = (*controller.programs.values(), *controller.plcs.values())
-    return ROOM_LINES - sum(len(buffer.lines) for buffer in stored)
+    return ROOM_LINES - stored_lines_in(controller)
+
+
+def stored_lines_in(controller: Controller) -> int:
+    """Return how many lines all programs and PLCs have."""
+    stored: list[ProgramBuffer | PlcBuffer] = [*controller.programs.values(), *controller.plcs.buffers.values()]
+    return sum(len(buffer.lines) for buffer in stored)
 
 
 def refuse_protected(controller: Controller, number: int, protected: range) -> None:
@@ -184,18 +167,24 @@ def refuse_protected(controller: Controller, number: int, protected: range) -> N
 
 
 def is_program_text(text: str) -> bool:
-    """Whether the text would be accepted in an open buffer."""
-    try:
+    """Whether the text would be accepted in the open buffer of a program or of a PLC."""
+    with suppress(PmacError):
         return bool(parse_line(text))
-    except PmacError:
-        return False
+    with suppress(PmacError):
+        return bool(parse_plc_line(text))
+    return False
 
 
-def _open_buffer(controller: Controller) -> ProgramBuffer:
+def _refuse_full(controller: Controller, buffer: ProgramBuffer | PlcBuffer, more: int) -> None:
+    if len(buffer.lines) + more > MAX_LINES or room_lines(controller) < more:
+        raise PmacError(ErrorCode.NO_ROOM, f"{MAX_LINES} lines")
+
+
+def _open_buffer(controller: Controller) -> ProgramBuffer | PlcBuffer:
     opened = controller.open_buffer
     if opened is None:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no buffer is open")
-    return controller.programs[opened.program] if opened.plc is None else controller.plcs[opened.plc]
+    return controller.programs[opened.program] if opened.plc is None else controller.plcs.buffers[opened.plc]
 
 
 def _refuse_open(controller: Controller) -> None:

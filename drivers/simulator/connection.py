@@ -33,6 +33,10 @@ class Discipline(Protocol):
     def busy(self) -> bool:
         """Whether the last turn left something that another one would get on with."""
 
+    @property
+    def idle(self) -> bool:
+        """Whether everything that has come is done and answered, but for what is half a line or request."""
+
     def receive(self, data: bytes) -> None:
         """Take bytes from the host."""
 
@@ -61,6 +65,11 @@ class PlainStream:
     def busy(self) -> bool:
         """Whether the last turn left lines that may be executed in this cycle."""
         return self._port.ready
+
+    @property
+    def idle(self) -> bool:
+        """Whether everything that has come is done and answered; half a line does not count."""
+        return self._port.idle
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host."""
@@ -110,6 +119,7 @@ class Connection(asyncio.Protocol):
         self._hosts = hosts
         self._begin = discipline
         self._port: Port | None = None
+        self._ended = False
         self._discipline: Discipline
         self._transport: asyncio.Transport
         self._turns: Turns
@@ -132,6 +142,12 @@ class Connection(asyncio.Protocol):
             self._turns.take()
         else:
             self._hold_back()
+
+    def eof_received(self) -> bool:
+        """The host sends nothing more, but may yet read: it is closed behind the answers to what it has sent."""
+        self._ended = True
+        self.flush()
+        return True
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The host is gone."""
@@ -157,6 +173,10 @@ class Connection(asyncio.Protocol):
         if unread > UNREAD_LIMIT:
             self._unplug()
             self._transport.abort()
+            return False
+        if self._ended and self._discipline.idle:
+            self._unplug()
+            self._transport.close()
             return False
         self._hold_back()
         return self._discipline.busy and unread <= SLOW_READER

@@ -17,13 +17,17 @@ from drivers.simulator.motor import Motor
 ALL_CARDS = -1
 """`@@`: every card on the line is meant."""
 
+HIGHEST_CARD = 15
+"""Cards on one line are numbered from 0."""
+
 
 @dataclass(slots=True, eq=False)
 class Context:
     """The addressing of one port. Two ports are never equal, however alike.
 
     `motor_bank` is which eight motors the control characters report, from 0. `card_number` is the card that was
-    named with `@n`, None before one was. `text` is the line that is being executed, as it was typed.
+    named with `@n`, None before one was. `text` is the line that is being executed, as it was typed. `work` is
+    what its commands have cost: values that were read or set, and lines of data.
     """
 
     controller: Controller
@@ -33,6 +37,7 @@ class Context:
     card_number: int | None = None
     text: str = ""
     lines: list[str] = field(default_factory=list)
+    work: int = 0
 
     @property
     def dialect(self) -> Dialect:

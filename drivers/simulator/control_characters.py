@@ -17,6 +17,10 @@ def control(letter: str) -> int:
     return ord(letter) - 0x40
 
 
+CONTROL_X = control("X")
+"""Forgets what has come, and what waits to be sent."""
+
+
 def _motors(report: Callable[[Context, Motor], str]) -> Action:
     def action(context: Context) -> str:
         motors = context.controller.motors
@@ -31,22 +35,32 @@ def _systems(context: Context) -> str:
 
 
 def _disable_plcs(context: Context) -> None:
-    context.controller.plc_enabled.clear()
+    context.controller.plcs.disable_all()
 
 
-ACTIONS: Mapping[int, Action] = {
+ACTING: Mapping[int, Action] = {
     control("A"): lambda context: context.controller.abort_all(),
-    control("B"): _motors(lambda context, motor: reports.motor_status(context.controller, motor)),
-    control("C"): _systems,
     control("D"): _disable_plcs,
-    control("F"): _motors(lambda _, motor: reports.following_error(motor)),
-    control("G"): lambda context: reports.global_status(context.controller, all_cards=context.all_cards),
     control("K"): lambda context: context.controller.kill_all(),
     control("O"): lambda context: context.controller.hold_all(),
-    control("P"): _motors(lambda context, motor: reports.position(context.controller, motor)),
     control("Q"): lambda context: context.controller.quit_all(),
     control("R"): lambda context: context.controller.run_all(),
     control("S"): lambda context: context.controller.step_all(),
+}
+"""They act as soon as they come, past every line that waits."""
+
+STOPS = (control("A"), control("K"))
+"""From a host, they also forget the commands (CMD) that wait: none of them may move what was just stopped."""
+
+REPORTING: Mapping[int, Action] = {
+    control("B"): _motors(lambda context, motor: reports.motor_status(context.controller, motor)),
+    control("C"): _systems,
+    control("F"): _motors(lambda _, motor: reports.following_error(motor)),
+    control("G"): lambda context: reports.global_status(context.controller, all_cards=context.all_cards),
+    control("P"): _motors(lambda context, motor: reports.position(context.controller, motor)),
     control("V"): _motors(lambda _, motor: reports.velocity(motor)),
 }
-"""They act as soon as they come, past every line that waits. Those that are not here do nothing."""
+"""They are answered past every line that waits, as far as the share of the host goes."""
+
+ACTIONS: Mapping[int, Action] = {**ACTING, **REPORTING}
+"""Those that are not here do nothing, or are about the line itself."""

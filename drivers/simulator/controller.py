@@ -7,7 +7,7 @@ host) happens between two blocks.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 
 from drivers.pmac.axes import AxisDefinition, refuse_singular
@@ -15,14 +15,16 @@ from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.memory import Memory
+from drivers.pmac.plc import Addressed
 from drivers.pmac.settings import servo_cycle_ms
-from drivers.pmac.variables import VariableStore
 from drivers.simulator.coordinate import CoordinateSystem
+from drivers.simulator.countdown import TimedVariables
 from drivers.simulator.guard import Alarm, action_on_fault
 from drivers.simulator.home_sensor import HomeSensor
 from drivers.simulator.motor import Motor
 from drivers.simulator.password import Password
 from drivers.simulator.plant.axis import bare_axis
+from drivers.simulator.plc_programs import PlcPrograms
 from drivers.simulator.program_buffer import OpenBuffer, ProgramBuffer
 from drivers.simulator.program_host import CardHost
 from drivers.simulator.saved_state import Flash
@@ -45,21 +47,25 @@ class Controller:
         definitions: tuple[AxisDefinition, ...],
         servo_period_ms: float,
         dialect: Dialect = PMAC,
+        flash: Flash | None = None,
     ) -> None:
         """`servo_period_ms` is the true rate of the hardware; I10 only tells the card about it.
 
-        Motors that have no axis in `axes` are ideal ones, with nothing behind them.
+        Motors that have no axis in `axes` are ideal ones, with nothing behind them. What `flash` holds comes back.
+
+        Raises:
+            ProfileError: `file.unreadable`, see `Flash.power_up`.
         """
         self.servo_period_ms = servo_period_ms
         self.dialect = dialect
-        self.variables = VariableStore(i_variables, dialect)
-        self.host = CardHost()
+        self.cycles = 0
+        self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
+        self.host = CardHost(self.switch_plc)
+        self.plcs = PlcPrograms(self.variables, self.host)
         self.programs: dict[int, ProgramBuffer] = {}
-        self.plcs: dict[int, ProgramBuffer] = {}
         self.open_buffer: OpenBuffer | None = None
         self.password = Password()
-        self.flash = Flash()
-        self.cycles = 0
+        self.flash = flash or Flash()
         self.motors = {
             number: self._motor(number, axes.get(number)) for number in range(1, dialect.motor_count + 1)
         }
@@ -75,6 +81,7 @@ class Controller:
         self._revision = -1
         for definition in definitions:
             self.systems[1].define(definition.motor, definition)
+        self.flash.power_up(self)
         self._power_up()
 
     @property
@@ -93,8 +100,8 @@ class Controller:
         return self.variables.memory
 
     @property
-    def pending_commands(self) -> deque[tuple[str, str]]:
-        """On-line commands of programs (CMD), with the letter of their port, to be executed in the background."""
+    def pending_commands(self) -> deque[tuple[str, str, Addressed]]:
+        """On-line commands of programs and PLCs (CMD), to be executed in the background, see `CardHost`."""
         return self.host.pending_commands
 
     @property
@@ -103,9 +110,9 @@ class Controller:
         return self.host.host_messages
 
     @property
-    def plc_enabled(self) -> set[int]:
+    def plc_enabled(self) -> frozenset[int]:
         """The PLCs that are switched on."""
-        return self.host.plc_enabled
+        return self.plcs.switches.enabled
 
     @property
     def any_program_running(self) -> bool:
@@ -121,17 +128,37 @@ class Controller:
         for system in self._all_systems:
             if system.busy:
                 commands.update(system.sample(cycles, cycle_ms))
+        if self.plcs.foreground:
+            return self._run_with_interrupts(cycles, cycle_ms, commands)
         self.cycles += cycles
         return {motor.number: motor.run(cycles, cycle_ms, commands.get(motor.number)) for motor in self._awake}
 
     def background(self) -> None:
-        """Look at every motor, as the card does between two servo interrupts and in no fixed time."""
+        """Look at every motor and scan the PLCs, between two servo interrupts and in no fixed time.
+
+        What the PLCs command (CMD) waits in `pending_commands`.
+        """
         for motor in self._awake:
             alarm = motor.look()
             if alarm is Alarm.TRAVEL:
                 self._stop_on_limit(motor)
             elif alarm is not None:
                 self._trip(motor, alarm)
+        self.plcs.scan_background()
+
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
+        """ENABLE PLC and DISABLE PLC, from wherever they come. It switches all of them or none.
+
+        Raises:
+            PmacError: 007, one to be switched on is open; 009 or 016, it is not well formed.
+        """
+        opened = self.open_buffer
+        if not enable:
+            self.plcs.disable(numbers)
+        elif opened is not None and opened.plc in numbers:
+            raise PmacError(ErrorCode.BUFFER_IN_USE, f"PLC {opened.plc} is open")
+        else:
+            self.plcs.enable(numbers)
 
     def program_code(self, number: int) -> Code | None:
         """Return a stored program ready to be run, None when there is no such program.
@@ -176,11 +203,12 @@ class Controller:
         """`$*`: there is no absolute encoder; the motor is killed, not homed, and at 0, with its axes unshifted.
 
         Raises:
-            PmacError: 001, a program moves it.
+            PmacError: 001, a program moves it, or is held on its way.
         """
-        self.refuse_in_control(motor)
-        self.motors[motor].read_absolute_position()
         system = self.system_of(motor)
+        if system is not None and (system.running or system.moving):
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor} is moved by &{system.number}")
+        self.motors[motor].read_absolute_position()
         if system is not None:
             system.define(motor, system.definitions[motor])
 
@@ -230,7 +258,10 @@ class Controller:
             motor.kill()
 
     def reset(self, factory: Mapping[int, float] | None = None) -> None:
-        """Start again from the machine's settings, or from factory defaults without axes."""
+        """Start again from what was saved or the machine's settings, or from factory defaults, which are no more.
+
+        The password has to be given again; the factory sets none.
+        """
         self.kill_all()
         for motor in self.motors.values():
             motor.reset()
@@ -240,10 +271,34 @@ class Controller:
         self._each(CoordinateSystem.reset)
         if factory is not None:
             self.programs.clear()
+            self.plcs.buffers.clear()
+            self.variables.pointers.clear()
+            self.password.clear()
         else:
             for definition in self._profile_definitions:
                 self.systems[1].define(definition.motor, definition)
+            self.password.lock()
+            self.flash.restore(self)
         self._power_up()
+
+    def _run_with_interrupts(
+        self, cycles: int, cycle_ms: float, commands: Mapping[int, Sequence[float]]
+    ) -> dict[int, list[float]]:
+        """Run a block in parts, with PLC 0 at the real-time interrupts; the commands of systems stay the same."""
+        tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
+        done = 0
+        while done < cycles:
+            interrupt = done + self.plcs.cycles_to_interrupt(self.cycles)
+            until = min(cycles, interrupt)
+            self.cycles += until - done
+            for motor in self._awake:
+                commanded = commands.get(motor.number)
+                part = None if commanded is None else commanded[done:until]
+                tracks[motor.number] += motor.run(until - done, cycle_ms, part)
+            if until == interrupt:
+                self.plcs.scan_foreground()
+            done = until
+        return tracks
 
     def _motor(self, number: int, behind: tuple[Axis, HomeSensor] | None) -> Motor:
         cycle_s = self.servo_period_ms / 1000.0
@@ -251,7 +306,8 @@ class Controller:
         return Motor(number, self.variables, axis, home)
 
     def _power_up(self) -> None:
-        """Close the loops that Ix80 wants closed; the others stay open."""
+        """Begin with the settings that there are: PLCs are on, the loops that Ix80 wants closed are closed."""
+        self.plcs.power_up()
         for motor in self.motors.values():
             if motor.activated and int(motor.variable(80)) & 1:
                 motor.enable()

@@ -73,12 +73,11 @@ class SimulatedLathe:
             read_definitions(machine.controller.axis_definitions),
             machine.controller.servo_period_ms,
             dialect,
+            Flash(saved),
         )
         self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
-        self._gains_revision = self.controller.variables.i_revision
+        self._gains_revision = -1  # what was saved may be other gains than the profile's
         self.controller.variables.memory = CardMemory(self.controller)
-        self.controller.flash = Flash(saved)
-        self.controller.flash.power_up(self.controller)
         self._ports: list[Port] = []
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
@@ -160,6 +159,7 @@ class SimulatedLathe:
         if self._part is not None:
             self._cut(self._part, tracks)
         controller.background()
+        # What programs and PLCs command comes first: a stop of a host in the same cycle has the last word.
         speak(controller, self._ports)
         # Every host's stops before any host's lines.
         for port in self._ports:

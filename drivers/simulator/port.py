@@ -1,42 +1,50 @@
-"""One host connection of the simulated card: its line discipline, its queue and its fair share of the card."""
+"""One host connection of the simulated card: its line discipline, and its queue."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Generator
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.simulator import replies
-from drivers.simulator.commands.line import answers, execute
+from drivers.simulator.commands.line import answers, commands
 from drivers.simulator.context import Context
-from drivers.simulator.control_characters import ACTIONS, control
+from drivers.simulator.control_characters import ACTING, ACTIONS, CONTROL_X, REPORTING, STOPS
 from drivers.simulator.controller import Controller
+from drivers.simulator.share import Share
 
 CR = 0x0D
 BACKSPACE, REPEAT, SUM, RECALL = b"\x08", b"\t", b"\x0e", b"\x19"
-CONTROL_X = control("X")
 
 LINE_LIMIT = 255
 """Characters of one command line."""
 
-LINES_PER_TURN = 4
-"""Lines of one host that are executed in one go: nobody can keep the card from the others."""
-
 ANSWER_PER_TURN = 4096
 """Bytes of answers after which no further line of that host is begun in the same go."""
 
-LINES_PER_CYCLE = 64
-"""Lines of one host that are executed before the next background cycle, however often it has a turn."""
+INBOX_LIMIT = 1_048_576
+"""Bytes that may wait to be executed; whoever brings them is to hold back the rest.
 
-INBOX_LIMIT = 65_536
-"""Bytes that may wait to be executed; whoever brings them is to hold back the rest."""
+It is far more than anybody sends in earnest, for a stop to be heard behind a flood of the same host.
+"""
 
-UNREAD_LIMIT = 65_536
+ANNOUNCED_LIMIT = 65_536
 """Bytes that may wait to be read before what programs say is lost on that host."""
 
-_AT_ONCE = re.compile(b"([" + bytes((*ACTIONS, CONTROL_X)) + b"])")
-_IN_LINE = re.compile(b"([" + BACKSPACE + REPEAT + SUM + RECALL + b"])")
-_KEPT = (CR, *BACKSPACE, *REPEAT, *SUM, *RECALL)
-_IGNORED = bytes(byte for byte in range(0x20) if byte not in _KEPT)
+_PART_WORK, _CHARACTERS_A_VALUE = 4, 2
+"""What looking at a part of the queue costs, in values: so many, and one for so many characters."""
+
+_REPORT_WORK, _REPORTED_A_VALUE = 10, 3
+"""What a report costs: so many at least, and one for so many characters."""
+
+_ANSWERED = (CR, *REPEAT, *SUM, *RECALL)
+_PART = re.compile(b"[" + bytes((*_ANSWERED, *BACKSPACE)) + b"]")
+"""What a queue is taken apart at, so that none of these goes by for nothing."""
+
+_AT_ONCE = re.compile(b"[" + bytes((*ACTIONS, CONTROL_X)) + b"]")
+_REPORT = re.compile(b"[" + bytes(REPORTING) + b"]")
+_NO_REPORTS = bytes(byte for byte in range(0x100) if byte not in REPORTING)
+_NO_TEXT = bytes(byte for byte in range(0x20) if byte not in (*_ANSWERED, *BACKSPACE))
 
 
 class Port:
@@ -45,29 +53,43 @@ class Port:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._context = Context(controller)
+        self._share = Share(controller)
         self._fresh = bytearray()
+        self._reports = bytearray()
         self._queue = bytearray()
         self._line = bytearray()
+        self._running: Generator[None, None, bool] | None = None
+        self._running_line = b""
         self._last_line = b""
         self._overlong = False
         self._outbox = bytearray()
-        self._cycle = -1
-        self._lines_done = 0
 
     @property
     def crowded(self) -> bool:
         """Whether more waits to be executed than there should."""
-        return len(self._fresh) + len(self._queue) >= INBOX_LIMIT
+        return len(self._fresh) + len(self._reports) + len(self._queue) >= INBOX_LIMIT
 
     @property
     def idle(self) -> bool:
         """Whether every line that has come is answered; half a line does not count."""
-        return not self._fresh and CR not in self._queue
+        if self._fresh or self._reports or self._running is not None:
+            return False
+        return not any(part in self._queue for part in _ANSWERED)
 
     @property
     def ready(self) -> bool:
         """Whether `service` would get on with something before the next background cycle."""
-        return bool(self._fresh or self._queue) and self._may_go_on()
+        return bool(self._fresh or self._waiting) and self._may_go_on()
+
+    @property
+    def heavy(self) -> bool:
+        """Whether the last turn was a long one, so that it is time for others."""
+        return self._share.heavy
+
+    @property
+    def spent(self) -> bool:
+        """Whether the host has had its share of this background cycle."""
+        return self._share.cycle_over
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host."""
@@ -81,7 +103,7 @@ class Port:
 
     def announce(self, said: bytes) -> None:
         """Tell the host something that it has not asked for. It comes between two replies, or is lost."""
-        if len(self._outbox) < UNREAD_LIMIT:
+        if len(self._outbox) < ANNOUNCED_LIMIT:
             self._outbox += said
 
     def disconnect(self) -> None:
@@ -90,98 +112,171 @@ class Port:
             self._controller.open_buffer = None
 
     def obey(self) -> None:
-        """Act on the control characters that have come, past every line that waits; keep the rest for later."""
+        """Act on the control characters that have come, past every line that waits; keep the rest for later.
+
+        They are done in their order. Reports beyond the share of the host wait, and only they.
+        """
         if not self._fresh:
             return
-        parts = _AT_ONCE.split(self._fresh)
+        fresh = bytes(self._fresh)
         self._fresh.clear()
-        for number, part in enumerate(parts):
-            if number % 2 == 0:
-                self._queue += part.translate(None, _IGNORED)
-            elif part[0] == CONTROL_X:
-                self._forget()
-            else:
-                self._act(part[0])
+        if _AT_ONCE.search(fresh) is None:
+            self._queue += fresh.translate(None, _NO_TEXT)
+            return
+        while not self._reports and (found := _REPORT.search(fresh)) is not None:
+            self._take(fresh[: found.end()])
+            fresh = fresh[found.end() :]
+            if not self._share.turn_over and self._may_go_on():
+                self._report()
+        self._take(fresh)
 
     def service(self) -> None:
         """Act on control characters at once, then execute the next few lines."""
+        self._share.follow()
         self.obey()
+        if not self._waiting:
+            self._share.end_turn()
+            return
         said = len(self._outbox)
-        for _ in range(LINES_PER_TURN):
-            if not self._queue or len(self._outbox) - said > ANSWER_PER_TURN or not self._may_go_on():
-                return
-            end = self._queue.find(CR)
-            if end < 0:
-                self._assemble(bytes(self._queue))
-                self._queue.clear()
-                return
-            self._assemble(bytes(self._queue[:end]))
-            del self._queue[: end + 1]
-            self._end_line()
+        while not self._share.turn_over and len(self._outbox) - said <= ANSWER_PER_TURN and self._may_go_on():
+            if self._reports:
+                self._report()
+            elif self._running is not None:
+                self._go_on()
+            elif self._queue:
+                self._take_apart()
+            else:
+                break
+        self._share.end_turn()
+
+    @property
+    def _waiting(self) -> bool:
+        return bool(self._reports or self._queue) or self._running is not None
 
     def _may_go_on(self) -> bool:
-        """Whether this host has a line left in this cycle. A line that comes alone is nobody's flood."""
-        if self._cycle != self._controller.cycles:
-            self._cycle, self._lines_done = self._controller.cycles, 0
-        return self._lines_done < LINES_PER_CYCLE or self._queue.find(CR) in (-1, len(self._queue) - 1)
+        """Whether this host has something left in this cycle. What comes alone is nobody's flood."""
+        return not self._share.cycle_over or self._alone()
 
-    def _act(self, code: int) -> None:
-        how = replies.wording(self._controller.variables)
+    def _alone(self) -> bool:
+        """Whether nothing waits behind what is next."""
+        found = _PART.search(self._queue)
+        if self._reports or self._running is not None:
+            return found is None and len(self._reports) + (self._running is not None) == 1
+        return found is None or found.end() == len(self._queue)
+
+    def _take(self, data: bytes) -> None:
+        """Act on the stops and starts in a stretch, each once, in the order in which they came last.
+
+        No time passes between them, so that only the last of the same kind has an effect.
+        """
+        for _, code in sorted((data.rfind(code), code) for code in ACTING if code in data):
+            self._act(code)
+        if CONTROL_X in data:
+            data = data[data.rfind(CONTROL_X) + 1 :]
+            self._forget()
+        self._reports += data.translate(None, _NO_REPORTS)
+        self._queue += data.translate(None, _NO_TEXT)
+
+    def _report(self) -> None:
+        """Answer the next control character that is answered."""
+        said = self._act(self._reports.pop(0)) or ""
+        self._share.spend(max(_REPORT_WORK, len(said) // _REPORTED_A_VALUE), lines=1)
+        if answers(self._context):
+            self._tell(said)
+
+    def _act(self, code: int) -> str | None:
+        if code in STOPS:
+            self._controller.pending_commands.clear()
         try:
-            said = ACTIONS[code](self._context)
+            return ACTIONS[code](self._context)
         except PmacError as refusal:
-            self._outbox += replies.refused(refusal.code, how)
-            return
-        if said is not None and answers(self._context):
-            self._outbox += replies.data((said,), how)
+            self._outbox += replies.refused(refusal.code, replies.wording(self._controller.variables))
+            return None
 
     def _forget(self) -> None:
         """Control-X: nothing that came before it is done or answered any more."""
+        self._reports.clear()
         self._queue.clear()
         self._line.clear()
+        self._running = None
         self._outbox.clear()
         self._overlong = False
         if self._controller.variables.i(63):
             self._outbox.append(CONTROL_X)
 
-    def _assemble(self, data: bytes) -> None:
-        """Add to the line; a few control characters are about the line itself."""
-        for part in _IN_LINE.split(data):
-            if part == BACKSPACE:
-                del self._line[-1:]
-            elif part == SUM:
-                self._outbox.append(replies.checksum(self._line))
-            elif part == RECALL:
-                last = self._last_line.decode("latin-1")
-                self._outbox += replies.data((last,), replies.wording(self._controller.variables))
-            elif part == REPEAT and not self._line and not self._context.fills_buffer:
-                self._line += self._last_line
-                self._end_line()
-            else:
-                room = LINE_LIMIT - len(self._line)
-                self._overlong = self._overlong or len(part) > room
-                self._line += part[:room]
+    def _take_apart(self) -> None:
+        """Add to the line up to its end, or to a control character that is about the line itself."""
+        found = _PART.search(self._queue)
+        part = found[0] if found else b""
+        end = found.start() if found else len(self._queue)
+        self._add(bytes(self._queue[: min(end, LINE_LIMIT + 1)]))
+        del self._queue[: end + len(part)]
+        if part == BACKSPACE:
+            del self._line[-1:]
+        elif part == SUM:
+            self._outbox.append(replies.checksum(self._line))
+        elif part == RECALL:
+            self._share.spend(len(self._last_line) // _REPORTED_A_VALUE)
+            self._tell(self._last_line.decode("latin-1"))
+        elif part == REPEAT and (self._line or self._context.fills_buffer):
+            self._add(part)
+        elif part:
+            self._begin(self._last_line if part == REPEAT else bytes(self._line))
 
-    def _end_line(self) -> None:
-        line, overlong = bytes(self._line), self._overlong
+    def _add(self, text: bytes) -> None:
+        """Add to the line what it has room for."""
+        room = LINE_LIMIT - len(self._line)
+        self._overlong = self._overlong or len(text) > room
+        self._line += text[:room]
+        self._share.spend(_PART_WORK + len(text) // _CHARACTERS_A_VALUE)
+
+    def _begin(self, line: bytes) -> None:
+        """Execute a line, as far as the turn goes."""
+        overlong, self._overlong = self._overlong, False
         self._line.clear()
-        self._overlong = False
-        self._last_line = line or self._last_line
-        self._lines_done += 1
-        context = self._context
-        context.lines.clear()
-        error: PmacError | None = None
-        heard = answers(context)
+        self._running_line, self._last_line = line, line or self._last_line
+        self._share.spend(0, lines=1)
+        self._context.lines.clear()
+        if overlong:
+            refusal = PmacError(ErrorCode.DATA_ERROR, f"a line of more than {LINE_LIMIT} characters")
+            self._end_line(refusal, heard=answers(self._context))
+            return
+        self._running = commands(line.decode("latin-1"), self._context)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Execute the commands of the line that are left, as far as the turn goes."""
+        assert self._running is not None
+        refusal, heard = None, True
         try:
-            if overlong:
-                raise PmacError(ErrorCode.DATA_ERROR, f"a line of more than {LINE_LIMIT} characters")
-            heard = execute(line.decode("latin-1"), context)
+            while True:
+                next(self._running)
+                self._spend_work()
+                if self._share.work_over:
+                    # What has been answered so far goes out; the rest of the line has its next turn.
+                    self._tell(*self._context.lines)
+                    self._context.lines.clear()
+                    return
+        except StopIteration as done:
+            heard = bool(done.value)
         except PmacError as refused:
-            error = refused
-        # I3, I4 and I6 may have been changed by this very line; the answer already follows them.
+            refusal = refused
+        self._running = None
+        self._spend_work()
+        self._end_line(refusal, heard)
+
+    def _spend_work(self) -> None:
+        self._share.spend(self._context.work)
+        self._context.work = 0
+
+    def _end_line(self, refusal: PmacError | None, heard: bool) -> None:
+        """Answer a line. I3, I4 and I6 may have been changed by this very line; the answer follows them."""
         how = replies.wording(self._controller.variables)
-        self._outbox += replies.data(context.lines, how)
-        if error is not None:
-            self._outbox += replies.refused(error.code, how)
+        self._outbox += replies.data(self._context.lines, how)
+        if refusal is not None:
+            self._outbox += replies.refused(refusal.code, how)
         elif heard:
-            self._outbox += replies.accepted(line, how)
+            self._outbox += replies.accepted(self._running_line, how)
+
+    def _tell(self, *lines: str) -> None:
+        self._outbox += replies.data(lines, replies.wording(self._controller.variables))

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from drivers.pmac.language.syntax import Line
+from drivers.pmac.language.syntax import Line, PlcLine
 
 
 @dataclass(slots=True)
 class ProgramBuffer:
-    """The stored lines of one motion program, or of one PLC."""
+    """The stored lines of one motion program."""
 
     lines: list[Line] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class PlcBuffer:
+    """The stored lines of one PLC."""
+
+    lines: list[PlcLine] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,10 +7,10 @@ import os
 import tty
 
 from drivers.simulator.connection import SLOW_READER, UNREAD_LIMIT, PlainStream, Turns
+from drivers.simulator.control_characters import CONTROL_X
 from drivers.simulator.machine import SimulatedLathe
 
 CHUNK = 4096
-CONTROL_X = b"\x18"
 
 
 class PtyHost:

@@ -14,7 +14,7 @@ TICK_S = 0.005
 MOST_CATCH_UP_S = 0.1
 """Real time made up for in one tick; a process that was asleep for longer loses the rest."""
 
-SLICE_S = 0.05
+SLICE_S = 0.01
 """Simulated time that is advanced in one go: between two, hosts and signals are heard."""
 
 

@@ -14,6 +14,7 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.simulator import reports
 from drivers.simulator.controller import Controller
+from drivers.simulator.countdown import Countdown
 from drivers.simulator.motor import Motor
 
 PARTS = 32
@@ -75,12 +76,14 @@ READERS: Mapping[str, Value] = {
 class CardMemory:
     """X and Y words of 24 bits, together a D word of 48; L words are numbers of their own beside them.
 
-    What is written to a register is lost, but for the position of a variable jog.
+    What is written to a register is lost, but for the position of a variable jog. Some words may be timers.
     """
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        self._registers = _addresses(controller.variables.dialect)
+        dialect = controller.variables.dialect
+        self._registers = _addresses(dialect)
+        self._timers = Countdown(dialect.timer_words, lambda: controller.cycles)
         self._words: dict[tuple[str, int], int] = {}
         self._numbers: dict[tuple[str, int, int], float] = {}
 
@@ -122,11 +125,16 @@ class CardMemory:
             return _whole(self._held(held)) & WORD
         if ("D", address) in self._registers:
             return self.double(address) >> (WORD_BITS if space == "X" else 0) & WORD
+        if (space, address) in self._timers:
+            return _whole(self._timers.read((space, address))) & WORD
         return self._words.get((space, address), 0)
 
     def set_word(self, space: str, address: int, value: int) -> None:
         """Store the lowest 24 bits."""
-        self._words[space, address] = value & WORD
+        if (space, address) in self._timers:
+            self._timers.write((space, address), float(_signed(value & WORD, WORD_BITS)))
+        else:
+            self._words[space, address] = value & WORD
 
     def double(self, address: int) -> int:
         """Return the X word and the Y word, together 48 bits, without a sign."""
@@ -166,11 +174,10 @@ class CardMemory:
 
 def _addresses(dialect: Dialect) -> dict[tuple[str, int], tuple[str, int]]:
     """Return the name and the number of the motor or system of each register, by its space and address."""
-    counts = {"motor": dialect.motor_count, "system": dialect.system_count, "global": 1}
     return {
         (register.space, register.address + (number - 1) * register.stride): (name, number)
         for name, register in dialect.registers.items()
-        for number in range(1, counts.get(name.partition("_")[0], dialect.motor_count) + 1)
+        for number in dialect.numbers(register.scope)
     }
 
 

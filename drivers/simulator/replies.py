@@ -56,12 +56,14 @@ def wording(variables: VariableStore) -> Wording:
 
 def data(lines: Iterable[str], how: Wording) -> bytes:
     """Return lines of data, each with its end and, where it is wanted, with a checksum of all its bytes."""
-    said = bytearray()
+    lead, said = how.lead, bytearray()
+    if not how.checksums:
+        before, behind = lead.decode("ascii"), CR.decode("ascii")
+        return "".join([f"{before}{line}{behind}" for line in lines]).encode("ascii", "replace")
     for line in lines:
-        sent = how.lead + line.encode("ascii", "replace") + CR
+        sent = lead + line.encode("ascii", "replace") + CR
         said += sent
-        if how.checksums:
-            said.append(checksum(sent))
+        said.append(checksum(sent))
     return bytes(said)
 
 

@@ -6,7 +6,8 @@ The values of P, Q and M are not among it. The file is JSON, written in one step
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,15 +16,17 @@ from drivers.pmac.axes import scan_definition
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line
-from drivers.pmac.language.text import format_line
+from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
+from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.pmac.memory import scan_pointer
 from drivers.simulator.password import Password
-from drivers.simulator.program_buffer import ProgramBuffer
+from drivers.simulator.program_buffer import PlcBuffer, ProgramBuffer
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
     from drivers.simulator.controller import Controller
+    from drivers.simulator.plc_programs import PlcPrograms
 
 CAP_BYTES = 16_000_000
 """Above anything that a card has room for."""
@@ -99,14 +102,18 @@ def _taken(controller: Controller) -> SavedState:
             for number, system in controller.systems.items()
             if system.definitions
         },
-        programs=_texts(controller.programs),
-        plcs=_texts(controller.plcs),
+        programs=_texts(
+            {number: map(format_line, buffer.lines) for number, buffer in controller.programs.items()}
+        ),
+        plcs=_texts(
+            {number: map(format_plc_line, buffer.lines) for number, buffer in controller.plcs.buffers.items()}
+        ),
         password=controller.password.text,
     )
 
 
-def _texts(buffers: Mapping[int, ProgramBuffer]) -> Texts:
-    return {str(number): tuple(map(format_line, buffer.lines)) for number, buffer in sorted(buffers.items())}
+def _texts(listings: Mapping[int, Iterable[str]]) -> Texts:
+    return {str(number): tuple(lines) for number, lines in sorted(listings.items())}
 
 
 def _read(table: Mapping[str, Any]) -> SavedState:
@@ -144,7 +151,7 @@ def _put_back(state: SavedState, controller: Controller) -> None:
             scanner.expect("->")
             controller.systems[int(number)].define(motor, scan_definition(scanner, motor))
     _refill(controller.programs, state.programs)
-    _refill(controller.plcs, state.plcs)
+    _refill_plcs(controller.plcs, state.plcs)
     controller.password = Password(state.password)
 
 
@@ -152,3 +159,16 @@ def _refill(buffers: dict[int, ProgramBuffer], texts: Texts) -> None:
     buffers.clear()
     for number, lines in texts.items():
         buffers[int(number)] = ProgramBuffer([parse_line(line) for line in lines])
+
+
+def _refill_plcs(plcs: PlcPrograms, texts: Texts) -> None:
+    """Store the PLCs.
+
+    One of which a line is refused is left out, and the rest of the file holds: without the line it would be
+    another PLC.
+    """
+    plcs.buffers.clear()
+    for number, lines in texts.items():
+        with suppress(PmacError):
+            read = [kept for line in lines for kept in stored_lines(parse_plc_line(line))]
+            plcs.buffers[int(number)] = PlcBuffer(read)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from console.__main__ import main
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.paper import paper_program, spindle_start_counts
@@ -59,11 +60,16 @@ def project_texts() -> Iterator[Path]:
                 yield path
 
 
-def test_the_mended_program_is_the_one_that_is_sent() -> None:
+def test_the_mended_program_is_the_one_that_is_printed_and_sent(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quoted = fenced_after("docs/paper-program.md", "## The mended program")
+    words = ("program", "lee-2001-experiment-1", "--strategy", "paper", "--data", str(tmp_path))
+    assert main(words) == 0
+    assert quoted == capsys.readouterr().out
     job, machine = load_job("lee-2001-experiment-1").job, load_machine("lee-2001-lathe").machine
     setup = cut_setup(job, machine, spindle_start_counts(job, machine))
-    quoted = fenced_after("docs/paper-program.md", "## The mended program")
-    assert quoted == paper_program(job, machine, setup)
+    assert quoted.partition("\n")[2] == paper_program(job, machine, setup)
 
 
 def test_the_printed_program_is_a_program_but_for_its_wrapped_comments() -> None:

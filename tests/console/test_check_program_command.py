@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import console as package
+from console.cli.plain_number import PlainNumber
 from console.text.catalogue import load
 from console.text.columns import broken, cell_width
 from drivers.pmac.analysis.findings import Code, Said
@@ -137,6 +138,117 @@ def test_times_of_the_operator_take_the_place_of_the_printed_ones(console: Conso
     lost = next(finding for finding in result["findings"] if finding["code"] == "stroke_lost")
     assert lost["values"]["kept_percent"] == pytest.approx(75)
     assert "stretched" not in {finding["code"] for finding in result["findings"]}
+
+
+def test_rounding_does_not_unfold_what_repeats(console: Console, program: Callable[[str], str]) -> None:
+    """The spindle turns evenly: what is left of its acceleration is arithmetic, and no jerk without a value."""
+    text = console("program", "lee-2001-experiment-1", "--strategy", "paper").out
+    path = program(text)
+    asked = console("check-program", path, "--ta", "5", "--ts", "0").out.splitlines()
+    assert len(asked) < 80
+    assert max(int(found[1]) for row in asked if (found := re.search(r"x (\d+) ", row))) > 500
+
+
+@pytest.mark.parametrize("job", ["lee-2001-experiment-1", "lee-2001-experiment-2"])
+@pytest.mark.parametrize("strategy", ["pvt", "paper", "none"])
+def test_what_console_program_prints_has_no_fault(
+    console: Console, program: Callable[[str], str], job: str, strategy: str
+) -> None:
+    said = console("check-program", program(console("program", job, "--strategy", strategy).out))
+    assert said.code == 0
+    assert re.search(r"^Starts at X\d+ Y[\d.]+ Z169300, as line 1 says\.", said.out, re.MULTILINE)
+    assert "✗" not in said.out
+    assert "further in than it was" not in said.out
+
+
+def test_the_printed_program_is_the_same_in_json(console: Console) -> None:
+    words = ("program", "lee-2001-experiment-1", "--strategy", "pvt")
+    assert console(*words, "--json").json["program"] == console(*words).out
+
+
+def test_the_start_is_told_and_may_be_given(console: Console, program: Callable[[str], str]) -> None:
+    path = program("; starts at X7\n" + CLEAN.replace("INC", "ABS"))
+    assert "Starts at X7 Y0 Z0, as line 1 says." in console("check-program", path).out
+    said = console("check-program", path, "--from", "X=1000,Y=-5")
+    assert "Starts at X1000 Y-5 Z0, as --from says." in said.out
+    result = console("check-program", path, "--from", "X=1000,Y=-5", "--json").json
+    assert result["start"] == {"source": "operator", "positions": {"X": 1000, "Y": -5, "Z": 0}}
+    assert result["moves"][0]["motors"][0]["commanded_counts"] == 0
+    assert "All motors begin at home, 0 counts." in console("check-program", program(CLEAN)).out
+
+
+@pytest.mark.parametrize(
+    ("start", "code", "words"),
+    [
+        ("X", 2, "--from: 'X' is no position; write each axis once with a number"),
+        ("X=1,X=2", 2, "--from: 'X=2' is no position"),
+        ("X=1e5", 2, "--from: 'X=1e5' is no position"),
+        ("U=5", 1, "no motor serves the axis U where the program is to start; axes here: X, Y, Z"),
+        ("X=99999999999", 1, "the program cannot start with motor #1 at 99999999999 counts"),
+    ],
+)
+def test_a_start_that_is_none_is_refused_in_one_line(
+    console: Console, meant: Path, start: str, code: int, words: str
+) -> None:
+    said = console("check-program", str(meant), "--from", start)
+    assert (said.code, said.out) == (code, "")
+    assert words in said.err
+    assert said.err.count("\n") == 1
+
+
+def test_a_long_text_has_its_findings_first_and_some_rows(console: Console, program: Callable[[str], str]) -> None:
+    """100 moves to and fro with 100 ways, and the turn of the spindle: 200 rows in each table."""
+    moves = "".join(f"X{way} Y1000\nX-{way} Y1000\n" for way in range(101, 151))
+    path = program(f"OPEN PROG 1\nINC\nTA10 TS5 TM20\n{moves}CLOSE\n")
+    rows = console("check-program", path).out.splitlines()
+    title = next(number for number, row in enumerate(rows) if row.startswith("line  "))
+    finding = next(number for number, row in enumerate(rows) if row.startswith("!"))
+    assert finding < title
+    assert [row for row in rows if "more rows" in row] == ["... 160 more rows; --json has every move"] * 2
+    assert len(rows) < title + 90
+    assert len(console("check-program", path, "--json").json["moves"]) == 100
+
+
+def test_a_time_is_the_same_number_wherever_it_is_said(console: Console, printed: Path) -> None:
+    """TM 1/10300 ms, in the table, in two findings and in two sentences."""
+    said = console("check-program", str(printed)).out
+    assert not re.search(r"\de[+-]\d", said)
+    assert set(re.findall(r"0\.0000\d+", said)) == {"0.000097087"}
+    assert said.count("0.000097087") == 8
+
+
+def test_the_passes_of_an_endless_loop_are_those_that_are_made(console: Console, printed: Path) -> None:
+    """Each pass executes line 21 once."""
+    moves = console("check-program", str(printed), "--json").json["moves"]
+    passes = sum(move["line"] == 21 for move in moves)
+    assert f"left after {passes} passes" in " ".join(console("check-program", str(printed)).out.split())
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
+def test_another_encoding_is_named(console: Console, tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "wide.pmc"
+    path.write_bytes(CLEAN.replace("DWELL10", "DWELL10 ;공구").encode(encoding))
+    said = console("check-program", str(path))
+    assert (said.code, said.out) == (1, "")
+    assert f"wide.pmc: this text is {encoding[:6].upper()}" in said.err
+
+
+@pytest.mark.parametrize(
+    ("value", "spec", "shown"),
+    [
+        (1 / 10_300, ".5g", "0.000097087"),
+        (1 / 10_300, ".3g", "0.000097087"),
+        (1_234_567.0, ".6g", "1234567"),
+        (-1_234_567.0, "+.4g", "-1234567"),
+        (1_234_567.0, "+.4g", "+1234567"),
+        (-2e-5, "+.4g", "-0.00002"),
+        (-1e-12, ".4g", "0"),
+        (10.0, "g", "10"),
+        (0.25, ".1f", "0.2"),
+    ],
+)
+def test_numbers_have_no_exponent(value: float, spec: str, shown: str) -> None:
+    assert format(PlainNumber(value), spec) == shown
 
 
 def test_a_lobe_that_drifts_is_told(console: Console, meant: Path) -> None:

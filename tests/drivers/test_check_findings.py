@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import math
-import random
 
 import pytest
 
 from drivers.pmac.analysis.findings import Code, Finding, Level
 from drivers.pmac.analysis.folding import fold
 from drivers.pmac.analysis.program import ProgramCheck, check_program
-from drivers.pmac.language.errors import PmacError
 from profiles.machine import MachineProfile
 
 HEAD = "OPEN PROG 1\nCLEAR\nLINEAR INC\n"
 
 
-def checked(lines: str, machine: MachineProfile, before: str = "", **times: float) -> ProgramCheck:
-    return check_program(f"{before}{HEAD}{lines}\nCLOSE\n", machine, **times)
+def checked(
+    lines: str,
+    machine: MachineProfile,
+    before: str = "",
+    ta_ms: float | None = None,
+    ts_ms: float | None = None,
+) -> ProgramCheck:
+    return check_program(f"{before}{HEAD}{lines}\nCLOSE\n", machine, ta_ms, ts_ms)
 
 
 def only(found: ProgramCheck, code: Code) -> Finding:
@@ -204,18 +208,46 @@ def test_repeated_moves_are_folded(machine: MachineProfile) -> None:
     assert sum(len(each.moves) * each.times for each in fold(looped.moves)) == len(looped.moves)
 
 
-def test_any_text_is_refused_or_checked(machine: MachineProfile) -> None:
-    """Programs of random statements: nothing but findings comes out of them."""
-    words = [
-        "X100", "Y-500", "TA10", "TS5", "TM20", "F1000", "DWELL5", "DELAY10", "WHILE(P1<3)", "P1=P1+1", "ENDW",
-        "IF(P1=2)", "ENDIF", "PVT10", "LINEAR", "RAPID", "SPLINE1", "ABS", "INC", "HOME1", "PSET X5", "STOP",
-        "M26=1", "WHILE(M26=0)", "X(1/P3)", "GOTO5", "N5", "GOSUB5", "RETURN", "CIRCLE1", "X10 Y10 I5 J5", "TA0",
-    ]  # fmt: skip
-    draw = random.Random(4)
-    for _ in range(300):
-        lines = "\n".join(draw.choice(words) for _ in range(draw.randint(1, 12)))
-        try:
-            found = checked(lines, machine)
-        except PmacError:
-            continue
-        assert all(finding.level in Level for finding in found.findings)
+def test_a_tool_that_is_taken_out_by_a_home_is_not_left_in(machine: MachineProfile) -> None:
+    """The last move goes to 500 counts and HOME to 0."""
+    assert Code.ENDS_DEEPER not in codes(checked("TA100 TS0 TM200\nX500\nHOME1", machine))
+
+
+def test_a_home_that_leaves_the_tool_further_in_is_named(machine: MachineProfile) -> None:
+    text = f"; starts at X-5000\n{HEAD}TA100 TS0 TM200\nX500\nHOME1\nCLOSE\n"
+    finding = only(check_program(text, machine), Code.ENDS_DEEPER)
+    assert (finding.values["counts"], finding.lines) == (5000, (7,))
+
+
+@pytest.mark.parametrize("rest", ["WHILE(1=1)\nX10\nX10\nENDW\nX-9000", "P1=1/P9\nX-9000"])
+def test_where_a_program_leaves_the_tool_is_not_said_of_one_that_was_not_followed_to_its_end(
+    machine: MachineProfile, rest: str
+) -> None:
+    found = codes(checked(f"TA100 TS0 TM200\nX500\n{rest}", machine))
+    assert found & {Code.ENDLESS_WITHOUT_FLAG, Code.RUN_TIME_ERROR}
+    assert found & {Code.ENDS_DEEPER, Code.PLUNGE} == set()
+
+
+def test_a_circle_without_segments_is_a_straight_line(machine: MachineProfile) -> None:
+    """A half turn about 500 counts goes 500 counts off the line between its ends, and a straight line does not."""
+    text = "TA10 TS0 TM500\nCIRCLE1\nX1000 Z0 I500 K0 NORMAL J-1\n".replace(" NORMAL J-1", "")
+    plane = "NORMAL J-1\n"
+    straight, arc = (checked(plane + text, machine, before=f"I13={ms}\n") for ms in (0, 10))
+    finding = only(straight, Code.CIRCLE_STRAIGHT)
+    assert (finding.level, finding.lines) == (Level.WARNING, (8,))
+    assert finding.values == {"moves": 1, "variable": "I13"}
+    assert Code.CIRCLE_STRAIGHT not in codes(arc)
+    assert straight.moves[0].motors[2].peaks.velocity == 0
+    assert arc.moves[0].motors[2].peaks.velocity > 1
+
+
+def test_a_circle_is_judged_by_i13_as_it_was_then(machine: MachineProfile) -> None:
+    text = "NORMAL K-1 TA10 TS0 TM500\nI13=0\nCIRCLE1 X100 I50\nDWELL10\nI13=10\nX100 I50"
+    assert only(checked(text, machine), Code.CIRCLE_STRAIGHT).lines == (6,)
+
+
+def test_values_have_the_types_of_what_they_are(machine: MachineProfile) -> None:
+    found = checked("TA10 TS5 TM20\nWHILE(M26=0)\nX10\nX-10\nENDW\nP1=1/P2", machine)
+    assert repr(only(found, Code.ENDLESS_LOOP).values["repeats"]) == "True"
+    number = only(found, Code.RUN_TIME_ERROR).values["number"]
+    assert type(number) is int

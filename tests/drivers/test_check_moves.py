@@ -107,6 +107,24 @@ def test_a_rapid_move_reaches_its_point() -> None:
     assert moves[1].motors[0].reached == pytest.approx(1040 - 1 * 20 / 6)
 
 
+def test_a_rapid_move_has_its_own_peaks_in_front_of_a_spline() -> None:
+    """Jogged at 10 counts/ms; the spline of 0, 0, 3000, 3000 is at 3/4 of 3000 counts in 20 ms in its middle."""
+    variables = {**FREE, 119: 1.0, 120: 100.0, 121: 20.0, 122: 10.0}
+    moves = analysed("INC RAPID X1000\nTA20 SPLINE1 X3000", variables)
+    assert [move.mode for move in moves] == ["RAPID", "SPLINE"]
+    assert moves[0].motors[0].peaks.velocity == pytest.approx(10)
+    assert moves[1].motors[0].peaks.velocity == pytest.approx(0.75 * 3000 / 20)
+
+
+def test_a_rapid_move_does_not_have_the_stop_of_the_move_before_it() -> None:
+    """I12 = 0: the jog at 10 counts/ms follows the stop from 100 counts/ms at once."""
+    variables = {**FREE, 12: 0.0, 119: 1.0, 120: 100.0, 121: 20.0, 122: 10.0}
+    moves = analysed("INC TA20 TS10 TM40\nX4000\nRAPID X1000", variables)
+    assert moves[0].motors[0].peaks.velocity == pytest.approx(100)
+    assert moves[1].motors[0].peaks.velocity == pytest.approx(10)
+    assert moves[1].begins_ms == pytest.approx(moves[0].ends_ms + 10)
+
+
 def test_after_a_home_the_motor_is_at_zero() -> None:
     moves = analysed("INC TA20 TS10 TM40\nX300\nHOME1\nX100")
     assert [move.motors[0].target for move in moves] == [300, 100]

@@ -130,6 +130,8 @@ def test_the_loop_never_ends_and_the_zig_zag_is_one_sided(meant: str, machine: M
     checked = check_program(meant, machine)
     (endless,) = of_code(checked, Code.ENDLESS_LOOP)
     assert (endless.lines, endless.values["flags"]) == ((20,), "M26=1")
+    executed = [place for place in checked.places if place == 21]
+    assert endless.values["passes"] == len(executed)
     (one_sided,) = of_code(checked, Code.ONE_SIDED)
     assert one_sided.values == pytest.approx({"begins_counts": 500, "middle_counts": 637.5, "deeper_um": 27.5})
 

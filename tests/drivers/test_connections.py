@@ -202,6 +202,39 @@ def test_what_a_lost_host_left_is_not_executed_any_more(bench: Bench) -> None:
     assert 0 < bench.number("P1") < 10
 
 
+@pytest.mark.parametrize(("kind", "request_"), [("plain", b"P1\r"), ("ethernet", GETRESPONSE + b"P1")])
+def test_a_host_that_ends_its_sending_side_is_answered_to_the_end_and_closed_then(
+    bench: Bench, kind: str, request_: bytes
+) -> None:
+    async def scene(hall: Hall) -> None:
+        network = Network()
+        host = getattr(hall, kind)(network)
+        host.data_received(request_ * 400 + request_[:1])
+        assert host.eof_received()
+        ended = [network.ended]
+        await pass_time(hall, 10)
+        assert b"".join(network.sent) == b"0\r\x06" * 400
+        assert [*ended, network.ended] == ["", "closed"]
+        assert not hall.hosts
+        host.connection_lost(None)
+
+    ports = len(bench.sim._ports)
+    play(bench, scene)
+    assert len(bench.sim._ports) == ports
+
+
+def test_a_host_that_has_nothing_left_to_ask_is_closed_at_once(bench: Bench) -> None:
+    async def scene(hall: Hall) -> None:
+        network = Network()
+        host = hall.plain(network)
+        host.data_received(b"OPEN PROG 5\r")
+        host.eof_received()
+        assert (network.sent, network.ended) == ([b"\x06"], "closed")
+
+    play(bench, scene)
+    assert bench.sim.controller.open_buffer is None
+
+
 def test_no_more_is_read_than_the_card_has_room_for(bench: Bench) -> None:
     async def scene(hall: Hall) -> None:
         network = Network()

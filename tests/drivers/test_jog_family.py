@@ -125,6 +125,32 @@ def test_hmz_declares_the_place_home_without_a_move(card: IdealCard) -> None:
     assert motor.axis.origin == 500 + 321
 
 
+def test_a_home_moves_the_place_that_j_equals_leads_back_to_with_the_zero(card: IdealCard) -> None:
+    """J= alone goes back to a place of the iron, whatever it is called now."""
+    motor = card.motor()
+    motor.jog_to(5000)
+    card.settle()
+    motor.home_zero()
+    motor.jog_back()
+    card.settle()
+    assert motor.axis.origin + card.x == 500, "where the motor stood before the jog"
+
+
+def test_a_program_goes_on_from_where_the_motor_is_when_its_zero_has_moved(card: IdealCard) -> None:
+    card.program("INC", "TA20 TS0 TM100", "X1000", "X1000", "X1000")
+    card.system.run()
+    card.wait(50)
+    card.system.quit()
+    card.settle()
+    assert card.x == 2000
+    card.motor().home_zero()
+    seen = len(card.track[1])
+    card.system.run()
+    card.settle()
+    assert card.x == 1000, "the last distance, from the new zero"
+    assert all(0 <= place <= 1000 for place in card.track[1][seen:])
+
+
 def test_hmz_leaves_a_killed_motor_killed(card: IdealCard) -> None:
     card.motor().kill()
     card.motor().home_zero()
@@ -164,6 +190,20 @@ def test_phasing_closes_the_loop_and_is_refused_in_motion(card: IdealCard) -> No
     card.motor().jog_speed(1)
     card.wait(20)
     assert refused(card.motor().phase) == 18
+
+
+def test_001_an_absolute_position_is_not_read_while_a_program_is_held(card: IdealCard) -> None:
+    card.program("INC", "TA20 TS0 TM500", "X1000", "X1000")
+    card.system.run()
+    card.wait(100)
+    card.system.hold()
+    card.wait(50)
+    assert card.system.held
+    assert refused(lambda: card.controller.read_absolute_position(1)) == 1
+    card.system.run()
+    card.settle()
+    assert card.x == 2000
+    assert not card.system.moving
 
 
 def test_reading_an_absolute_position_kills_and_forgets_home(card: IdealCard) -> None:

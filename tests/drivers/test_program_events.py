@@ -6,6 +6,7 @@ import pytest
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.pmac.plc import Addressed
 from tests.drivers.ideal_card import CYCLE_MS, IdealCard, refused
 
 
@@ -156,7 +157,7 @@ def test_a_called_program_that_is_not_well_formed_is_a_run_time_error(card: Idea
 def test_what_a_program_says_waits_for_the_ports(card: IdealCard) -> None:
     card.run('SEND"READY"', 'CMD"#2J+"', "ENABLE PLC 1,3", "DISABLE PLC 1")
     assert [text for text, _ in card.controller.host_messages] == ["READY"]
-    assert [text for text, _ in card.controller.pending_commands] == ["#2J+"]
+    assert list(card.controller.pending_commands) == [("#2J+", "", Addressed(motor=1, system=1))]
     assert card.controller.plc_enabled == {3}
     card.controller.reset()
     assert not card.controller.host_messages

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.syntax import Label, Return
-from drivers.pmac.language.text import format_program
+from drivers.pmac.language.text import format_line
 from drivers.pmac.program_text import read_program
 
 FULL_CIRCLE = """\
@@ -42,7 +42,7 @@ def refusal(text: str) -> PmacError:
 def test_an_example_of_the_quick_reference_is_taken_apart() -> None:
     text = read_program(FULL_CIRCLE)
     assert text.number == 1
-    assert format_program(text.program).split("\n") == [
+    assert list(map(format_line, text.program)) == [
         "INC",
         "INC(R)",
         "TA300",
@@ -52,7 +52,6 @@ def test_an_example_of_the_quick_reference_is_taken_apart() -> None:
         "NORMAL K-1",
         "CIRCLE1",
         "X0 Y0 I10",
-        "",
     ]
     assert text.commands == ("delete gather", "undefine all", "&1", "&1", "b1r")
     assert [(d.motor, str(d)) for d in text.definitions] == [(2, "2000Y")]
@@ -92,6 +91,9 @@ def test_clear_empties_the_open_program_and_without_it_lines_are_added() -> None
 def test_open_close_and_clear_may_share_lines_and_be_spelt_as_others_do() -> None:
     text = read_program("Close Open Program 3 Clear X1\nX2 Close")
     assert (text.number, len(text.program)) == (3, 2)
+    text = read_program("CLS\nOPEN PROGRAM 3 CLR\nX1\nX2 c l s\nP1=1\nOPEN PLC 2\nP1=1\nCLS\nP2=1")
+    assert (text.number, len(text.program), len(text.settings)) == (3, 2, 2)
+    assert text.plcs == {2: ("P1=1",)}
 
 
 def test_settings_and_definitions_may_share_a_line_with_an_address() -> None:

@@ -33,6 +33,13 @@ def test_what_exists_on_line_and_in_programs_goes_into_the_open_buffer(card: Wir
     assert card.card.plc_enabled == set()
 
 
+@pytest.mark.parametrize("word", ["CLOSE", "CLS", "c l o s e", "c l s"])
+def test_close_at_the_end_of_a_line_closes_the_buffer(card: Wire, word: str) -> None:
+    card.tell("OPEN PROG 1 CLEAR", f"X10 {word}")
+    assert card.card.open_buffer is None
+    assert listing(card) == ["X10"]
+
+
 def test_on_line_commands_act_at_once_while_a_buffer_is_open(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR", "#2J/")
     assert card.card.motors[2].enabled

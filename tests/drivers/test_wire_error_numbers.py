@@ -128,3 +128,19 @@ def test_a_carriage_return_that_a_bad_line_has_spoilt_is_answered_by_nothing(car
     assert card.port.take_output() == b""
     assert card.raw(b"\r") == b"\x07ERR004\r"
     assert card.ask("P1") == ["0"]
+
+
+@pytest.mark.parametrize(
+    "word", ["RAPID", "RETURN", "RET", "STOP", "SPLINE1", "ABS", "READ(A)", "PSET X0", "FRAX(X)"]
+)
+def test_005_a_word_of_programs_is_not_taken_letter_by_letter(card: Wire, word: str) -> None:
+    """R alone would run the program, S step it, A abort."""
+    card.tell("OPEN PROG 1 CLEAR", "LINEAR INC TA10 TS0 TM1000", "X10", "X-10", "CLOSE", "#1J/#2J/#3J/", "&1B1")
+    assert card.raw(f"{word}\r").endswith(b"\x07ERR005\r")
+    card.sim.wait(0.1)
+    assert not card.card.systems[1].running
+    assert all(card.card.motors[motor].enabled for motor in (1, 2, 3))
+    card.tell("&1R")
+    assert card.raw(f"{word}\r").endswith(b"\x07ERR005\r")
+    card.sim.wait(0.1)
+    assert card.card.systems[1].running, "and nothing that runs is aborted"

@@ -100,3 +100,16 @@ def test_a_flood_of_messages_does_not_stop_the_card(card: Wire) -> None:
     card.tell("OPEN PROG1 CLEAR", "WHILE(1=1)", 'SEND"0123456789"', 'CMDS"P1..3"', "ENDWHILE", "CLOSE", "&1B1R")
     card.sim.wait(1.0)
     assert card.raw("\x01\x18P1\r").endswith(b"0\r\x06")
+
+
+@pytest.mark.parametrize("stop", [b"\x01", b"\x0b"], ids=["control-A", "control-K"])
+def test_a_stop_forgets_the_commands_that_wait(card: Wire, stop: bytes) -> None:
+    """More than a background cycle has room for, and a jog behind them."""
+    card.tell("OPEN PROG1 CLEAR", *['CMD"P1=P1+1"'] * 60, 'CMD"#3J+"', "CLOSE", "P1=0", "&1B1R")
+    card.sim.wait(0.01)
+    assert 0 < float(card.ask("P1")[0]) < 60
+    card.raw(stop)
+    card.sim.wait(0.5)
+    assert float(card.ask("P1")[0]) < 60
+    assert not card.card.motors[3].jogging
+    assert card.card.motors[3].velocity == 0.0

@@ -144,6 +144,20 @@ def test_what_is_no_jog(card: Wire, line: str) -> None:
     assert card.refusal(f"#2{line}") in (3, 5)
 
 
+@pytest.mark.parametrize(
+    "jog", ["J={}", "J=-{}", "J:{}", "J:-{}", "J^{}", "J=1^{}", "J:1^-{}", "J^1^{}", "J=*", "J:*", "J^*"]
+)
+def test_a_jog_goes_no_farther_than_the_registers_reach(card: Wire, jog: str) -> None:
+    """48 bits, with a sign, in units of 1/(96 x 32) count."""
+    farthest = 2.0**47 / (96 * 32)
+    card.card.motors[2].variable_jog = 1e20
+    for counts in ("99999999999999999999", f"{farthest + 2000:.0f}"):
+        assert card.refusal("#2" + jog.format(counts)) == 3
+    assert not card.card.motors[2].jogging
+    card.tell(f"#2J={int(farthest)}")
+    assert card.card.motors[2].jogging
+
+
 def test_addresses_are_kept_and_told(card: Wire) -> None:
     assert card.ask("#3 &5 # &") == ["3", "5"]
     assert card.ask("#&") == ["3", "5"]

@@ -66,6 +66,7 @@ def test_the_factory_knows_nothing_of_what_was_saved(card: Wire) -> None:
     reset(card, "$$$***")
     assert card.ask("I116 M5-> #3->") == ["32", "*", "0"]
     assert card.refusal("LIST PROG 5") == 3
+    assert card.refusal("LIST PLC 4") == 3
     reset(card)
     check(card)
 
@@ -89,6 +90,35 @@ def test_a_saved_file_outlives_the_process(machine: MachineProfile, tmp_path: Pa
     assert second.card.programs == first.card.programs
     assert second.ask("I0..1023") == first.ask("I0..1023")
     assert [entry.name for entry in tmp_path.iterdir()] == ["saved.json"]
+
+
+def test_saved_settings_decide_which_loops_are_closed_at_a_reset(card: Wire) -> None:
+    """Ix80 (Software Reference): bit 0 closes the loop at power-up and reset."""
+    card.tell("I180=1 I280=1 I380=0", "SAVE", "I180=0 I280=0 I380=1")
+    reset(card)
+    assert [card.card.motors[number].enabled for number in (1, 2, 3)] == [True, True, False]
+    assert card.card.motors[1].amplifier_enabled
+
+
+def test_saved_settings_decide_which_loops_a_new_process_closes(machine: MachineProfile, tmp_path: Path) -> None:
+    path = tmp_path / "saved.json"
+    wire(machine, saved=path).tell("I180=1 I280=1", "SAVE")
+    again = wire(machine, saved=path)
+    assert [again.card.motors[number].enabled for number in (1, 2, 3)] == [True, True, False]
+    again.tell("#1J=100")
+    again.settle()
+    assert again.ask("#1P") == ["100"]
+
+
+def test_saved_gains_hold_in_a_new_process(machine: MachineProfile, tmp_path: Path) -> None:
+    path = tmp_path / "saved.json"
+    first = wire(machine, saved=path)
+    first.tell("I130=0", "SAVE")
+    second = wire(machine, saved=path)
+    for card in (first, second):
+        card.tell("#1J/", "#1J=100")
+        card.sim.wait(1.0)
+    assert first.ask("#1P") == second.ask("#1P") == ["0"]
 
 
 def test_the_axes_that_were_saved_can_be_moved(machine: MachineProfile, tmp_path: Path) -> None:

@@ -35,6 +35,12 @@ def test_b_with_a_label_begins_there(card: Wire) -> None:
     assert place(card) == 30
 
 
+@pytest.mark.parametrize("number", ["0", "0.5", "32768", "99999999999999"])
+def test_003_a_program_number_that_there_cannot_be(card: Wire, number: str) -> None:
+    assert card.refusal(f"B{number}") == 3
+    card.tell("B32767", "B1")
+
+
 def test_s_does_one_move_at_a_time(card: Wire) -> None:
     card.tell("B1")
     for done in (30, 60, 90):

@@ -43,6 +43,7 @@ class Code(StrEnum):
     RAMP_SHORTENED = auto()
     TIME_BELOW_INTERRUPT = auto()
     TIME_ROUNDED = auto()
+    CIRCLE_STRAIGHT = auto()
     STROKE_LOST = auto()
     ONE_SIDED = auto()
     DWELL_IN_CUT = auto()

@@ -16,11 +16,11 @@ def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Find
     findings = [_refused(line) for line in refused]
     if walk.error is not None:
         place = subject.place_of(walk.steps[-1].program, walk.steps[-1].line)
-        values: dict[str, Value] = {"error": str(walk.error), "number": float(walk.error.code)}
+        values: dict[str, Value] = {"error": str(walk.error), "number": int(walk.error.code)}
         findings.append(Finding(code=Code.RUN_TIME_ERROR, level=Level.FAULT, lines=(place,), values=values))
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
-        long: dict[str, Value] = {"steps": float(len(walk.steps))}
+        long: dict[str, Value] = {"steps": len(walk.steps)}
         findings.append(Finding(code=Code.TOO_LONG, level=Level.NOTICE, values=long))
     if not subject.moves:
         findings.append(Finding(code=Code.NO_MOTION, level=Level.NOTICE))
@@ -28,7 +28,7 @@ def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Find
 
 
 def _refused(line: RefusedLine) -> Finding:
-    values: dict[str, Value] = {"error": str(line.error), "number": float(line.error.code), "text": line.text}
+    values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
     return Finding(code=Code.LINE_REFUSED, level=Level.FAULT, lines=(line.place,), values=values)
 
 
@@ -37,7 +37,7 @@ def _endless(subject: Subject, left: Left) -> Finding:
     loop = left.circle.loop
     first, last = (loop.first, loop.last) if loop is not None else (left.line, left.line)
     here = (subject.place_of(subject.walk.number, first),)
-    values: dict[str, Value] = {"passes": left.circle.passes, "repeats": "yes" if left.circle.period else "no"}
+    values: dict[str, Value] = {"passes": _passes(subject, left), "repeats": left.circle.period is not None}
     if not left.flags:
         return Finding(code=Code.ENDLESS_WITHOUT_FLAG, level=Level.WARNING, lines=here, values=values)
     values |= {"flags": ", ".join(f"{kind}{index}={value:g}" for (kind, index), value in left.flags.items())}
@@ -45,3 +45,9 @@ def _endless(subject: Subject, left: Left) -> Finding:
     if moving:
         return Finding(code=Code.ENDLESS_LOOP, level=Level.WARNING, lines=here, values=values)
     return Finding(code=Code.WAITS_FOR_FLAG, level=Level.NOTICE, lines=here, values=values)
+
+
+def _passes(subject: Subject, left: Left) -> int:
+    """Return how often the program came by: the pass in which the flag is set is made to its end, too."""
+    steps = subject.walk.steps[: left.step + 1]
+    return sum(step.place == steps[-1].place for step in steps)

@@ -80,6 +80,9 @@ class _Nominal:
     @property
     def starts_ms(self) -> float:
         """When the first motion of it comes."""
+        if mode_of(self.step.request) == "SPLINE" and not self.follows:
+            # The segment of no distance in front of a spline moves, too.
+            return self.begins_ms - self.used.tm_ms
         return self.begins_ms - 0.5 * self.ramp_ms
 
 
@@ -167,7 +170,7 @@ def _lain(place: int, step: Step, record: MoveRecord, before: _Nominal | None) -
         # A segment is laid when the next point is known: the motion of this step ends where its own begins.
         begins_ms = step.ends_ms
     elif mode == "RAPID":
-        begins_ms = _last_motion_ms(step)
+        begins_ms = _jog_begins_ms(step)
         used = replace(used, tm_ms=step.ends_ms - begins_ms)
     else:
         begins_ms = step.ends_ms - used.tm_ms
@@ -212,14 +215,14 @@ def _ramp_begins_ms(step: Step) -> float:
     return step.begins_ms
 
 
-def _last_motion_ms(step: Step) -> float:
-    """Return when the last motion of a step begins: behind the rest in front of it, if there is one."""
+def _jog_begins_ms(step: Step) -> float:
+    """Return when the jog of a RAPID step begins: at its last rest, behind the end of the motion before it."""
     instant = step.ends_ms
     for piece in reversed(step.planned.pieces):
-        if not any(any(cubic[1:]) for cubic in piece.cubics):
-            return instant
         instant -= piece.duration_ms
-    return instant
+        if not any(cubic[1] for cubic in piece.cubics):
+            return instant
+    return step.begins_ms
 
 
 def _standing(walk: Walk, move: _Nominal, before: Vector) -> Vector:

@@ -1,4 +1,4 @@
-"""Findings about the path: strokes that blending takes away, and which way the last move goes."""
+"""Findings about the path: strokes that blending takes away, arcs that are none, and where the tool is left."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from itertools import pairwise
 
 from drivers.pmac.analysis.findings import Code, Finding, Level, Value
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
-from drivers.pmac.analysis.step import SAME_COUNTS
+from drivers.pmac.analysis.step import SAME_COUNTS, Step
 from drivers.pmac.analysis.subject import Subject, moves
 from drivers.pmac.analysis.units import shown_length
+from drivers.pmac.analysis.walk import Ending
 from drivers.pmac.analysis.zigzag import ZigZag
+from drivers.pmac.dialect import Setting
+from drivers.pmac.requests import HomeRequest
 
 KEPT_ENOUGH = 0.98
 """A stroke that keeps this share is not called lost."""
@@ -17,7 +20,9 @@ KEPT_ENOUGH = 0.98
 
 def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[Finding]:
     """Return what is wrong with where the motors go."""
-    return [*_lost_strokes(subject), *_one_sided(subject, zigzag), *_end(subject)]
+    findings = [*_lost_strokes(subject), *_one_sided(subject, zigzag), *_straight_circles(subject)]
+    # Where a program ends is known when it was followed to its end.
+    return [*findings, *_end(subject)] if subject.walk.ending is Ending.FINISHED else findings
 
 
 def _lost_strokes(subject: Subject) -> list[Finding]:
@@ -64,28 +69,59 @@ def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[Finding]:
     return [Finding(code=Code.ONE_SIDED, level=Level.NOTICE, lines=subject.lines(zigzag.moves), values=values)]
 
 
+def _straight_circles(subject: Subject) -> list[Finding]:
+    """Arcs that are made as LINEAR moves, because nothing cuts them into segments."""
+    steps = subject.walk.steps
+    found = [move for move in subject.moves if move.mode == "CIRCLE" and steps[move.step].segment_ms <= 0.0]
+    if not found:
+        return []
+    variable = f"I{subject.walk.variables.dialect.index(Setting.SEGMENT_MS)}"
+    values: dict[str, Value] = {"moves": len(found), "variable": variable}
+    return [Finding(code=Code.CIRCLE_STRAIGHT, level=Level.WARNING, lines=subject.lines(found), values=values)]
+
+
 def _end(subject: Subject) -> list[Finding]:
     """The tool's last move: positive is infeed, and behind the cut the way can only be out."""
     tool = subject.tool
-    told = [move for move in subject.moves if tool is not None and moves(move, tool)]
-    if tool is None or not told:
+    if tool is None:
+        return []
+    return _plunge(subject, tool) or _left_deeper(subject, tool)
+
+
+def _plunge(subject: Subject, tool: int) -> list[Finding]:
+    told = [move for move in subject.moves if moves(move, tool)]
+    if not subject.cut or told[-1].number <= subject.cut[-1].number:
         return []
     last = told[-1]
     motor = last.motors[tool]
-    deepest = max((move.motors[tool].target for move in subject.cut), default=motor.target)
+    deepest = max(move.motors[tool].target for move in subject.cut)
+    if motor.commanded <= 0.0 or motor.target <= deepest:
+        return []
     per_mm = subject.machine.tool.counts_per_mm
-    if subject.cut and last.number > subject.cut[-1].number and motor.commanded > 0.0 and motor.target > deepest:
-        values = {
-            "counts": motor.commanded,
-            "mm": motor.commanded / per_mm,
-            "deeper_mm": (motor.target - deepest) / per_mm,
-        }
-        return [Finding(code=Code.PLUNGE, level=Level.FAULT, lines=subject.lines([last]), values=values)]
-    deeper = motor.target - subject.walk.start[tool]
+    values = {
+        "counts": motor.commanded,
+        "mm": motor.commanded / per_mm,
+        "deeper_mm": (motor.target - deepest) / per_mm,
+    }
+    return [Finding(code=Code.PLUNGE, level=Level.FAULT, lines=subject.lines([last]), values=values)]
+
+
+def _left_deeper(subject: Subject, tool: int) -> list[Finding]:
+    """The tool stands further in than it did: at the end of the motion, whatever took it there."""
+    walk = subject.walk
+    deeper = walk.steps[-1].at[tool] - walk.start[tool]
     if deeper <= SAME_COUNTS:
         return []
-    values = {"counts": deeper, "mm": deeper / per_mm}
-    return [Finding(code=Code.ENDS_DEEPER, level=Level.NOTICE, lines=subject.lines([last]), values=values)]
+    told = [move.step for move in subject.moves if moves(move, tool)]
+    homed = [place for place, step in enumerate(walk.steps) if _homes(step, walk.motors[tool])]
+    last = walk.steps[max(told + homed)]
+    lines = (subject.place_of(last.program, last.line),)
+    values = {"counts": deeper, "mm": deeper / subject.machine.tool.counts_per_mm}
+    return [Finding(code=Code.ENDS_DEEPER, level=Level.NOTICE, lines=lines, values=values)]
+
+
+def _homes(step: Step, motor: int) -> bool:
+    return isinstance(step.request, HomeRequest) and motor in step.request.motors
 
 
 def _rounded(counts: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.pmac.analysis.explanation import explain
@@ -12,6 +13,7 @@ from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
 from drivers.pmac.analysis.path import path_findings
 from drivers.pmac.analysis.rounding import rounding_findings
 from drivers.pmac.analysis.source import with_times
+from drivers.pmac.analysis.start import Start, start_counts, start_of
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.synchronism import synchronism_findings
 from drivers.pmac.analysis.timeline import Timeline
@@ -19,7 +21,7 @@ from drivers.pmac.analysis.timing import timing_findings
 from drivers.pmac.analysis.walk import walk
 from drivers.pmac.analysis.zigzag import find_zigzag
 from drivers.pmac.axes import AxisDefinition, read_definitions
-from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
 from profiles.machine import MachineProfile
@@ -29,12 +31,13 @@ _ORDER = list(Level)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramCheck:
-    """What a program does on motors that stand at home. Findings stand with the worst first.
+    """What a program does from `start`. Findings stand with the worst first.
 
     `places` are the lines of the text, from 1, of the moves.
     """
 
     number: int
+    start: Start
     motors: tuple[int, ...]
     moves: tuple[MoveAnalysis, ...]
     places: tuple[int, ...]
@@ -49,16 +52,24 @@ class ProgramCheck:
 
 
 def check_program(
-    text: str, machine: MachineProfile, ta_ms: float | None = None, ts_ms: float | None = None
+    text: str,
+    machine: MachineProfile,
+    ta_ms: float | None = None,
+    ts_ms: float | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> ProgramCheck:
-    """Check a text on a machine whose motors stand at home; `ta_ms` and `ts_ms` replace those of the text.
+    """Check a text on a machine; `ta_ms` and `ts_ms` replace those of the text.
+
+    `start` are axis positions (user units); without them a comment of the text says them, or all is at home.
 
     Raises:
         PmacError: the controller refuses the program as a whole.
+        DriverError: `program.start_axis`, `program.start_too_far`.
     """
     refused: list[RefusedLine] = []
     read = with_times(read_program(text, refused), ta_ms, ts_ms)
-    subject = _subject(read, machine, ta_ms, ts_ms)
+    begins = start_of(text, _definitions(read, machine), start)
+    subject = _subject(read, machine, begins, _settings(machine, ta_ms, ts_ms))
     zigzag = find_zigzag(subject)
     findings = [
         *flow_findings(subject, refused),
@@ -70,6 +81,7 @@ def check_program(
     ]
     return ProgramCheck(
         number=read.number,
+        start=begins,
         motors=subject.walk.motors,
         moves=subject.moves,
         places=tuple(_place(read, move.program, move.line) for move in subject.moves),
@@ -79,16 +91,15 @@ def check_program(
     )
 
 
-def _subject(text: ProgramText, machine: MachineProfile, ta_ms: float | None, ts_ms: float | None) -> Subject:
+def _subject(text: ProgramText, machine: MachineProfile, start: Start, settings: Mapping[int, float]) -> Subject:
     definitions = _definitions(text, machine)
-    dialect = DIALECTS[machine.controller.family]
     walked = walk(
         text,
-        _settings(machine, dialect, ta_ms, ts_ms),
+        settings,
         definitions,
-        {definition.motor: 0.0 for definition in definitions},
+        start_counts(definitions, start),
         counts_per_turn={machine.spindle.motor: float(machine.spindle.counts_per_rev)},
-        dialect=dialect,
+        dialect=DIALECTS[machine.controller.family],
     )
     timeline = Timeline(walked.pieces)
     return Subject(
@@ -100,10 +111,9 @@ def _subject(text: ProgramText, machine: MachineProfile, ta_ms: float | None, ts
     )
 
 
-def _settings(
-    machine: MachineProfile, dialect: Dialect, ta_ms: float | None, ts_ms: float | None
-) -> dict[int, float]:
+def _settings(machine: MachineProfile, ta_ms: float | None, ts_ms: float | None) -> dict[int, float]:
     """Return the I-variables; the times hold for a program that names none, too."""
+    dialect = DIALECTS[machine.controller.family]
     settings = settings_with(machine.controller.variables, dialect)
     for number, ms in ((87, ta_ms), (88, ts_ms)):
         if ms is not None:

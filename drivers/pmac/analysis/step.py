@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from drivers.pmac.requests import Request
 from drivers.pmac.trajectory.pieces import Piece, Vector
-from drivers.pmac.trajectory.planner import Planned
+from drivers.pmac.trajectory.planned import Planned
 
 SAME_COUNTS = 1e-6
 """Motions that differ by less are the same but for rounding."""
@@ -18,7 +18,8 @@ class Step:
     """One request of a program with its motion, from `begins_ms` to `ends_ms`; the motors are then `at` (counts).
 
     `line` is that of `program`, `main_line` that of the program that was started, which may have called it.
-    `by_move_time` says whether TM, and not F, was in force. `place` is `ProgramRun.place` behind the request.
+    `by_move_time` says whether TM, and not F, was in force, `segment_ms` is I13 as it then was. `place` is
+    `ProgramRun.place` behind the request.
     """
 
     program: int
@@ -28,6 +29,7 @@ class Step:
     request: Request
     planned: Planned
     by_move_time: bool
+    segment_ms: float
     begins_ms: float
     ends_ms: float
     at: Vector

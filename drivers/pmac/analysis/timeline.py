@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
 
+NOTHING = 1e-9
+"""Counts, and counts in ms to any power, below which there is nothing but the rounding of the arithmetic."""
+
 _SAME = 1e-9
 """Share of the greatest acceleration below which a jump of it is the rounding of the arithmetic."""
 
@@ -76,7 +79,7 @@ class Timeline:
             before = last
         if to_ms >= self.ends_ms:
             jump = max(jump, abs(before))
-        jumps = jump > _SAME * acceleration
+        jumps = jump > max(_SAME * acceleration, NOTHING)
         return Peaks(velocity=velocity, acceleration=acceleration, jerk=None if jumps else jerk)
 
     def _acceleration_before(self, index: int, instant_ms: float) -> float:

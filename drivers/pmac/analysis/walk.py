@@ -16,7 +16,7 @@ from drivers.pmac.analysis.endless import Circle, EndlessWatch, Turning
 from drivers.pmac.analysis.loops import Name, find_loops, way_out
 from drivers.pmac.analysis.step import Step
 from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
-from drivers.pmac.dialect import PMAC, Dialect
+from drivers.pmac.dialect import PMAC, Dialect, Setting
 from drivers.pmac.execution.modes import Modes
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
@@ -257,6 +257,7 @@ class _Walker:
             request=taken.request,
             planned=planned,
             by_move_time=taken.by_move_time,
+            segment_ms=self._variables.setting(Setting.SEGMENT_MS, 1),
             begins_ms=begins_ms,
             ends_ms=begins_ms + sum(piece.duration_ms for piece in planned.pieces),
             at=at,

@@ -9,12 +9,12 @@ from functools import cached_property
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.flow_statements import CODES
 from drivers.pmac.language.gathering import gather_moves
+from drivers.pmac.language.program_buffers import HIGHEST_PROGRAM
 from drivers.pmac.language.syntax import Argument, CallProgram, Expression, Line, Move, Set, Statement
 
 FIRST_CODE_PROGRAM = 1000
 HIGHEST_CODE = 1000
 """Codes are below it: G0 to G999.999."""
-HIGHEST_PROGRAM = 32_767
 
 _LABELS_PER_PROGRAM = 100_000
 _LABELS_PER_CODE = 1000

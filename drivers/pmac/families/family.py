@@ -32,7 +32,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """Where a register of motor or system 1 is, and how far apart those of the others are; 0: there is only one.
+    """Where a register of motor or system 1 is, and how far apart those of the others are.
 
     `space` as in M-variable definitions: X or Y (24 bits), D (48 bits) or L (floating).
     """
@@ -40,6 +40,7 @@ class Register:
     space: str
     address: int
     stride: int = 0
+    scope: Scope = Scope.MOTOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +164,16 @@ class Dialect:
     timer_words: tuple[tuple[str, int], ...] = ()
     no_line_feeds_switch: int | None = None
 
+    def numbers(self, scope: Scope) -> range:
+        """Return the numbers of the motors, or of the coordinate systems; what there is once is number 1."""
+        match scope:
+            case Scope.GLOBAL:
+                return range(1, 2)
+            case Scope.MOTOR:
+                return range(1, self.motor_count + 1)
+            case Scope.SYSTEM:
+                return range(1, self.system_count + 1)
+
     def motor_index(self, motor: int, number: int) -> int:
         """Return the index of Ix`number` of a motor."""
         return 100 * motor + number
@@ -202,8 +213,8 @@ class Dialect:
         self, card: Mapping[int, _Value], motors: Mapping[int, _Value], systems: Mapping[int, _Value]
     ) -> dict[int, _Value]:
         spread = dict(card)
-        for motor in range(1, self.motor_count + 1):
+        for motor in self.numbers(Scope.MOTOR):
             spread.update({self.motor_index(motor, number): value for number, value in motors.items()})
-        for system in range(1, self.system_count + 1):
+        for system in self.numbers(Scope.SYSTEM):
             spread.update({self.system_index(system, number): value for number, value in systems.items()})
         return spread

@@ -181,9 +181,9 @@ PMAC = Dialect(
         "following_error": Register("D", 0x840, 0xC0),
         "motor_status_1": Register("X", 0x3D, 0x3C),
         "motor_status_2": Register("Y", 0x814, 0xC0),
-        "system_status_1": Register("X", 0x818, 0xC0),
-        "system_status_2": Register("Y", 0x817, 0xC0),
-        "global_status_1": Register("X", 0x3),
-        "global_status_2": Register("Y", 0x3),
+        "system_status_1": Register("X", 0x818, 0xC0, Scope.SYSTEM),
+        "system_status_2": Register("Y", 0x817, 0xC0, Scope.SYSTEM),
+        "global_status_1": Register("X", 0x3, scope=Scope.GLOBAL),
+        "global_status_2": Register("Y", 0x3, scope=Scope.GLOBAL),
     },
 )

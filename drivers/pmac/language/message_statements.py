@@ -6,10 +6,9 @@ import string
 from collections.abc import Mapping
 
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.program_buffers import HIGHEST_PLC
 from drivers.pmac.language.reading import Reader, parse_numbers
 from drivers.pmac.language.syntax import Message, PlcSwitch
-
-HIGHEST_PLC = 31
 
 PORTS = ("S", "P", "R", "A")
 """Serial, parallel, dual-ported RAM, auxiliary serial."""

@@ -15,6 +15,8 @@ from drivers.pmac.language.syntax import Assign, CallProgram, Line, Statement, V
 
 _READERS: Mapping[str, Reader] = {**MOTION_READERS, **FLOW_READERS, **MESSAGE_READERS}
 _WORDS = tuple(_READERS)
+WORDS = tuple(word for word in _WORDS if len(word) > 1)
+"""The words of motion programs, without the single letters that mean something else on line."""
 _COMBINING = {"==": "", "&=": "&", "|=": "|", "^=": "^"}
 """The signs of assignments that wait for the next move."""
 

@@ -45,7 +45,6 @@ from drivers.pmac.language.syntax import (
     PlcSwitch,
     Positioning,
     Preset,
-    Program,
     Read,
     Return,
     SelectMode,
@@ -70,6 +69,8 @@ _ON_THE_RIGHT = {("OR", "AND")}
 
 def format_number(value: float) -> str:
     """Write a number rounded to 10 decimals: never an exponent, a trailing zero or `-0`."""
+    if value % 1.0 == 0.0:
+        return str(int(value))  # most of the thousands of values that a host may ask for at once
     return _plain(f"{value:.{DECIMALS}f}")
 
 
@@ -216,11 +217,6 @@ def format_line(line: Line) -> str:
 def format_plc_line(line: PlcLine) -> str:
     """Write a line of a PLC without a line end. Raises ValueError as `format_condition` does."""
     return " ".join(map(format_statement, line))
-
-
-def format_program(program: Program) -> str:
-    """Write a program, every line closed by a line feed. Raises ValueError as `format_line` does."""
-    return "".join(f"{format_line(line)}\n" for line in program)
 
 
 def _plain(digits: str) -> str:

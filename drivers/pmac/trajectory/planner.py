@@ -32,7 +32,7 @@ from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.trajectory import spline
 from drivers.pmac.trajectory.circle import chord_length
 from drivers.pmac.trajectory.course import CurvedBlend, lay_course, stop_course
-from drivers.pmac.trajectory.frame import FARTHEST_COUNTS, MotorFrame
+from drivers.pmac.trajectory.frame import MotorFrame
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS
 from drivers.pmac.trajectory.linear import (
     Blend,
@@ -43,8 +43,6 @@ from drivers.pmac.trajectory.linear import (
 )
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
 from drivers.pmac.trajectory.planned import (
-    Event,
-    MoveRecord,
     Planned,
     blended_record,
     check_segment,
@@ -55,8 +53,6 @@ from drivers.pmac.trajectory.planned import (
 )
 from drivers.pmac.trajectory.rapid import rapid, rapid_time_ms
 from drivers.pmac.variables import VariableStore
-
-__all__ = ["FARTHEST_COUNTS", "SHORTEST_RAMP_MS", "Event", "MotionPlanner", "MoveRecord", "Planned"]
 
 _State = tuple[Blend, Vector | None, spline.Spline | None, bool]
 

@@ -6,7 +6,7 @@ from drivers.pmac.axes import scan_definition
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.simulator.commands.handler import Handler
-from drivers.simulator.context import ALL_CARDS, Context
+from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context
 
 MOTORS_IN_A_BANK = 8
 
@@ -24,8 +24,8 @@ def address_card(scanner: Scanner, context: Context) -> None:
     if number is None:
         addressed = context.card_number
         context.lines.append("@" if addressed == ALL_CARDS else str(addressed or 0))
-    elif number > 15:
-        raise PmacError(ErrorCode.DATA_ERROR, f"card {number}, 0 to 15")
+    elif number > HIGHEST_CARD:
+        raise PmacError(ErrorCode.DATA_ERROR, f"card {number}, 0 to {HIGHEST_CARD}")
     else:
         context.card_number = number
 

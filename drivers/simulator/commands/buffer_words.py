@@ -5,9 +5,19 @@ from __future__ import annotations
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.message_statements import MESSAGE_READERS
+from drivers.pmac.language.program_buffers import (
+    CLEAR,
+    CLOSE,
+    HIGHEST_PLC,
+    HIGHEST_PROGRAM,
+    OPEN_PLC,
+    OPEN_PROGRAM,
+    PROGRAM,
+)
 from drivers.pmac.language.syntax import PlcSwitch
+from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.simulator import buffers
-from drivers.simulator.commands.handler import Handler, say
+from drivers.simulator.commands.handler import LINE_WORK, Handler, say
 from drivers.simulator.context import Context
 
 _NOT_HERE = ("GATHER", "GAT", "TRACE", "ROTARY", "ROT", "COMP", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")
@@ -41,17 +51,20 @@ def _list_program(scanner: Scanner, context: Context) -> None:
         raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
     first = (scanner.take_integer() or 0) if scanner.accept(",") else 0
     count = scanner.take_integer() if scanner.accept(",") else None
-    context.lines.extend(buffers.listing(buffer.lines, first, count))
+    lines = buffer.lines[first : None if count is None else first + count]
+    context.work += len(lines) * LINE_WORK
+    context.lines.extend(map(format_line, lines))
 
 
 def _list_plc(scanner: Scanner, context: Context) -> None:
     number = _plc_number(scanner)
     controller = context.controller
     buffers.refuse_protected(controller, number, buffers.PROTECTED_PLCS)
-    buffer = controller.plcs.get(number)
+    buffer = controller.plcs.buffers.get(number)
     if buffer is None:
         raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-    context.lines.extend(buffers.listing(buffer.lines, 0, None))
+    context.work += len(buffer.lines) * LINE_WORK
+    context.lines.extend(map(format_plc_line, buffer.lines))
 
 
 def _list_gather(_: Scanner, context: Context) -> None:
@@ -64,7 +77,7 @@ def _delete(scanner: Scanner, context: Context) -> None:
         return
     if scanner.accept("ALL"):
         buffers.delete_all(controller)
-    elif scanner.take_word(("PROGRAM", "PROG")) is not None:
+    elif scanner.take_word(PROGRAM) is not None:
         buffers.delete_program(controller, _program_number(scanner))
     else:
         scanner.expect("PLC")
@@ -85,9 +98,14 @@ def _switch_plc(word: str) -> Handler:
     def command(scanner: Scanner, context: Context) -> None:
         switch = MESSAGE_READERS[word](scanner, word)
         assert isinstance(switch, PlcSwitch)
-        context.controller.host.switch_plc(switch.enable, switch.numbers)
+        context.controller.switch_plc(switch.enable, switch.numbers)
 
     return command
+
+
+def _plc_text(scanner: Scanner, context: Context) -> None:
+    """A PLC that is typed although its OPEN was refused must not abort with `AND(`, nor step with `SEND`."""
+    raise PmacError(ErrorCode.NO_BUFFER_OPEN, context.text[:20])
 
 
 def _size(context: Context) -> str:
@@ -98,32 +116,33 @@ def _size(context: Context) -> str:
 
 def _program_number(scanner: Scanner) -> int:
     number = scanner.take_integer()
-    if number is None or not 1 <= number <= buffers.HIGHEST_PROGRAM:
-        raise PmacError(ErrorCode.DATA_ERROR, f"a program number, 1 to {buffers.HIGHEST_PROGRAM}")
+    if number is None or not 1 <= number <= HIGHEST_PROGRAM:
+        raise PmacError(ErrorCode.DATA_ERROR, f"a program number, 1 to {HIGHEST_PROGRAM}")
     return number
 
 
 def _plc_number(scanner: Scanner) -> int:
     number = scanner.take_integer()
-    if number is None or number > buffers.HIGHEST_PLC:
-        raise PmacError(ErrorCode.DATA_ERROR, f"a PLC number, 0 to {buffers.HIGHEST_PLC}")
+    if number is None or number > HIGHEST_PLC:
+        raise PmacError(ErrorCode.DATA_ERROR, f"a PLC number, 0 to {HIGHEST_PLC}")
     return number
 
 
 WORDS: dict[str, Handler] = {
-    **dict.fromkeys(("OPENPROG", "OPENPROGRAM"), _open_program),
-    "OPENPLC": _open_plc,
-    **dict.fromkeys(("CLEAR", "CLR"), _clear),
-    **dict.fromkeys(("CLOSE", "CLS"), _close),
-    **dict.fromkeys(("LISTPROG", "LISTPROGRAM"), _list_program),
+    **dict.fromkeys(OPEN_PROGRAM, _open_program),
+    **dict.fromkeys(OPEN_PLC, _open_plc),
+    **dict.fromkeys(CLEAR, _clear),
+    **dict.fromkeys(CLOSE, _close),
+    **{f"LIST{word}": _list_program for word in PROGRAM},
     "LISTPLC": _list_plc,
     **dict.fromkeys(("LISTGATHER", "LISTGAT"), _list_gather),
     "DELETE": _delete,
-    **{f"DEL{target}": _abbreviated(target) for target in (*_NOT_HERE, "ALL", "PROGRAM", "PROG", "PLC")},
+    **{f"DEL{target}": _abbreviated(target) for target in (*_NOT_HERE, "ALL", *PROGRAM, "PLC")},
     "SIZE": say(_size),
 }
 
 SHARED_WORDS: dict[str, Handler] = {
-    word: _switch_plc(word) for word in ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC")
+    **{word: _switch_plc(word) for word in ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC")},
+    **dict.fromkeys(("AND(", "OR(", "ADDRESS", "ADR", "SEND"), _plc_text),
 }
 """Programs have them too."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.simulator.commands.handler import Handler
+from drivers.simulator import buffers
+from drivers.simulator.commands.handler import LINE_WORK, Handler
 from drivers.simulator.commands.jogs import ALWAYS_ON_LINE
 from drivers.simulator.context import Context
 from profiles.problem import ProfileError
 
 
 def _save(_: Scanner, context: Context) -> None:
+    context.work += _work_of_all(context)
     try:
         context.controller.flash.save(context.controller)
     except ProfileError as failed:
@@ -18,17 +20,20 @@ def _save(_: Scanner, context: Context) -> None:
 
 
 def _reset(_: Scanner, context: Context) -> None:
-    controller = context.controller
-    controller.reset()
-    controller.password.lock()
-    controller.flash.restore(controller)
+    context.controller.reset()
+    context.work += _work_of_all(context)
 
 
 def _factory_reset(_: Scanner, context: Context) -> None:
+    context.controller.reset(context.dialect.factory)
+    context.work += _work_of_all(context)
+
+
+def _work_of_all(context: Context) -> int:
+    """Return what it costs to keep, or to bring back, everything that the card holds."""
     controller = context.controller
-    controller.reset(context.dialect.factory)
-    controller.variables.pointers.clear()
-    controller.password.clear()
+    kept = len(controller.variables.settings()) + len(controller.variables.pointers)
+    return kept + buffers.stored_lines_in(controller) * LINE_WORK
 
 
 def _password(scanner: Scanner, context: Context) -> None:

@@ -9,6 +9,9 @@ from drivers.simulator.context import Context
 
 Handler = Callable[[Scanner, Context], None]
 
+LINE_WORK = 16
+"""What writing or keeping a line of a program costs, in variables that are read."""
+
 
 def say(report: Callable[[Context], str]) -> Handler:
     """Return a command that answers one line."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.trajectory.frame import FARTHEST_COUNTS
 from drivers.simulator.commands.handler import Handler, signed_constant
 from drivers.simulator.context import Context
 from drivers.simulator.motor import Motor
@@ -30,13 +32,17 @@ def _jog(scanner: Scanner, context: Context) -> None:
     elif scanner.accept("="):
         target = _amount(scanner, motor)
         if target is not None:
-            motor.jog_to(target, _past_trigger(scanner))
+            motor.jog_to(_reached(target), _past_trigger(scanner))
         else:
             motor.jog_back()
     elif scanner.accept(":"):
-        motor.jog_by(_distance(scanner, motor), past_trigger=_past_trigger(scanner))
+        distance = _distance(scanner, motor)
+        _reached(motor.desired + distance)
+        motor.jog_by(distance, past_trigger=_past_trigger(scanner))
     elif scanner.accept("^"):
-        motor.jog_by(_distance(scanner, motor), from_actual=True, past_trigger=_past_trigger(scanner))
+        distance = _distance(scanner, motor)
+        _reached(motor.encoder + distance)
+        motor.jog_by(distance, from_actual=True, past_trigger=_past_trigger(scanner))
     else:
         raise scanner.refusal("J+ J- J/ J= J: or J^")
 
@@ -55,6 +61,17 @@ def _amount(scanner: Scanner, motor: Motor) -> float | None:
     return signed_constant(scanner)
 
 
+def _reached(counts: float) -> float:
+    """Return a place that a jog may go to: the registers of the card are as wide for it as for programs.
+
+    Raises:
+        PmacError: 003, beyond them.
+    """
+    if not abs(counts) <= FARTHEST_COUNTS:
+        raise PmacError(ErrorCode.DATA_ERROR, f"a jog to {counts:g} counts, {FARTHEST_COUNTS:g} at most")
+    return counts
+
+
 def _past_trigger(scanner: Scanner) -> float | None:
     """`^100` behind a jog: stop at the trigger, then go so many counts past it."""
     if not scanner.accept("^"):
@@ -62,7 +79,7 @@ def _past_trigger(scanner: Scanner) -> float | None:
     counts = signed_constant(scanner)
     if counts is None:
         raise scanner.refusal("a distance past the trigger")
-    return counts
+    return _reached(counts)
 
 
 def _home(_: Scanner, context: Context) -> None:

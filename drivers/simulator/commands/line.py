@@ -6,9 +6,11 @@ Several commands may stand in a line with or without separators; what was done b
 from __future__ import annotations
 
 import re
+from collections.abc import Generator
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator import buffers
 from drivers.simulator.commands import (
@@ -23,12 +25,13 @@ from drivers.simulator.commands import (
     values,
 )
 from drivers.simulator.commands.handler import Handler
-from drivers.simulator.context import ALL_CARDS, Context
+from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context
 
 _DAISY_CHAIN = 2
 """Bit 1 of I1: cards on one line, addressed with `@n`."""
 
-_CARD_NUMBERS = 15
+_COMMAND_WORK = 5
+"""What any command costs, in values that are read or set."""
 
 _ALWAYS_ON_LINE: dict[str, Handler] = {
     **addressing.WORDS,
@@ -60,11 +63,30 @@ def answers(context: Context) -> bool:
     variables = context.controller.variables
     if not int(variables.i(1)) & _DAISY_CHAIN:
         return True
-    return context.card_number in (ALL_CARDS, int(variables.i(0)) & _CARD_NUMBERS)
+    return context.card_number in (ALL_CARDS, int(variables.i(0)) & HIGHEST_CARD)
 
 
 def execute(text: str, context: Context) -> bool:
-    """Execute one line; data for the host is appended to `context.lines`.
+    """Execute one line in one go.
+
+    Returns:
+        Whether the line, or a part of it, was for this card.
+
+    Raises:
+        PmacError: the command at which execution stopped.
+    """
+    running = commands(text, context)
+    while True:
+        try:
+            next(running)
+        except StopIteration as done:
+            return bool(done.value)
+
+
+def commands(text: str, context: Context) -> Generator[None, None, bool]:
+    """Execute one line, with a pause between two commands; whoever runs it may do something else there.
+
+    Data for the host is appended to `context.lines`, what the commands cost is added to `context.work`.
 
     Returns:
         Whether the line, or a part of it, was for this card.
@@ -86,6 +108,9 @@ def execute(text: str, context: Context) -> bool:
         else:
             _pass_over(scanner)
         heard = heard or answers(context)
+        context.work += _COMMAND_WORK
+        if not scanner.at_end:
+            yield
     return heard
 
 
@@ -102,6 +127,9 @@ def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
         return
     if values.variable(scanner, context) or systems.set_axis(scanner, context):
         return
+    if scanner.take_word(PROGRAM_WORDS) is not None:
+        # Never letter by letter: the R of RAPID or RETURN would run the program, the A of ABS abort it.
+        raise PmacError(ErrorCode.NO_BUFFER_OPEN, context.text[:20])
     letter = scanner.take_word(_SINGLE)
     if letter is not None:
         _LETTERS[letter](scanner, context)

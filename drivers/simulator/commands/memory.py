@@ -12,6 +12,9 @@ from drivers.simulator.context import Context
 MOST_WORDS = 256
 """Words that one command reads."""
 
+_WORD_WORK = 3
+"""What a word costs, in variables that are read."""
+
 ADDRESS_STARTS = ":$0123456789"
 
 _SPACES = {"X": WORD_BITS, "Y": WORD_BITS, "D": 2 * WORD_BITS, "L": 0}
@@ -24,6 +27,7 @@ def _read(space: str, hexadecimal: bool) -> Handler:
         count = scanner.take_integer() if scanner.accept(",") else 1
         if not count or count > MOST_WORDS:
             raise scanner.refusal(f"a number of words, 1 to {MOST_WORDS}")
+        context.work += count * _WORD_WORK
         words = (_pointer(space, address, context) for address in range(first, first + count))
         values = [_memory(context).read(word) for word in words]
         bits = _SPACES[space]
@@ -47,6 +51,7 @@ def _write(space: str) -> Handler:
             values.append((_pointer(space, address + len(values), context), value))
         if not values:
             raise scanner.refusal("a value as in WY:$720,$C000")
+        context.work += len(values) * _WORD_WORK
         for pointer, value in values:
             _memory(context).write(pointer, value)
 

@@ -8,13 +8,17 @@ from collections.abc import Callable
 from drivers.pmac.axes import AXIS_LETTERS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.program_buffers import HIGHEST_PROGRAM
 from drivers.pmac.language.text import format_line, format_number
-from drivers.simulator.commands.handler import Handler, say
+from drivers.simulator.commands.handler import LINE_WORK, Handler, say
 from drivers.simulator.context import Context
 from drivers.simulator.coordinate import CoordinateSystem
 
 LABELS = 100_000
 """The fraction behind a program number is a label in units of 1/100000: `B1.1` is label N10000."""
+
+_PRESET_WORK = 30
+"""What it costs, in variables that are read: the places of every axis follow."""
 
 _PRESET = re.compile(r"[A-CU-Z]=")
 
@@ -28,6 +32,7 @@ def set_axis(scanner: Scanner, context: Context) -> bool:
     value = context.expression(scanner)
     assert axis is not None
     context.system.set_axis(axis, value)
+    context.work += _PRESET_WORK
     return True
 
 
@@ -36,6 +41,8 @@ def _point(scanner: Scanner, context: Context) -> None:
     if number is None:
         raise scanner.refusal("a program number as in B1")
     program, label = divmod(round(number * LABELS), LABELS)
+    if not 1 <= program <= HIGHEST_PROGRAM:
+        raise PmacError(ErrorCode.DATA_ERROR, f"program {program}, 1 to {HIGHEST_PROGRAM}")
     context.system.point(program, label or None)
 
 
@@ -91,6 +98,7 @@ def _list_place(read: Callable[[CoordinateSystem], tuple[int, int]]) -> Handler:
         program, first = place = read(context.system)
         buffer = context.controller.programs.get(program)
         lines = buffer.lines[first : first + count] if buffer is not None else []
+        context.work += len(lines) * LINE_WORK
         context.lines.extend(f"P{program}:{first + n}:{format_line(line)}" for n, line in enumerate(lines))
         if not lines:
             context.lines.append(_place(place))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
@@ -37,6 +38,7 @@ def variable(scanner: Scanner, context: Context) -> bool:
         first = int(context.expression(scanner))
         scanner.expect(")")
     indices = _indices(scanner, first, context)
+    context.work += len(indices)
     if kind is VariableKind.M and scanner.peek("-"):
         _refuse_gap(scanner, context)
         scanner.expect("->")
@@ -44,7 +46,7 @@ def variable(scanner: Scanner, context: Context) -> bool:
     elif scanner.accept("="):
         _assign(scanner, context, kind, indices)
     else:
-        context.lines.extend(_reported(context, kind, index) for index in indices)
+        context.lines.extend(_reported(context, kind, indices))
     return True
 
 
@@ -76,15 +78,17 @@ def _assign(scanner: Scanner, context: Context, kind: VariableKind, indices: ran
         variables.set(kind, index, value)
 
 
-def _reported(context: Context, kind: VariableKind, index: int) -> str:
-    value = context.variables.get(kind, index)
-    if kind is not VariableKind.I:
-        return format_number(value)
-    form = int(context.controller.variables.i(9))
-    text = format_number(value)
-    if form & _HEXADECIMAL and index in context.dialect.hexadecimal and value >= 0 and value == int(value):
-        text = f"${int(value):X}"
-    return f"I{index}={text}" if form & _LONG else text
+def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[str]:
+    variables = context.variables
+    form = int(context.controller.variables.i(9)) if kind is VariableKind.I else 0
+    addresses = context.dialect.hexadecimal if form & _HEXADECIMAL else ()
+    for index in indices:
+        value = variables.get(kind, index)
+        if index in addresses and value >= 0 and value == int(value):
+            text = f"${int(value):X}"
+        else:
+            text = format_number(value)
+        yield f"I{index}={text}" if form & _LONG else text
 
 
 def _refuse_gap(scanner: Scanner, context: Context) -> None:

@@ -23,11 +23,12 @@ from drivers.pmac.ethernet import (
     write_reply,
 )
 from drivers.simulator.connection import UNREAD_LIMIT
+from drivers.simulator.control_characters import CONTROL_X
 from drivers.simulator.ethernet.board import Board
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.port import INBOX_LIMIT, Port
 
-CONTROL_X, BELL, CR = b"\x18", b"\x07", b"\r"
+BELL, CR = b"\x07", b"\r"
 
 REQUESTS_PER_TURN = 4
 """Requests of one client that are answered in one turn: nobody can keep the board from the others."""
@@ -48,6 +49,7 @@ class EthernetSession:
         self._board = board
         self._received = bytearray()
         self._incomplete = True
+        self._held = False
         self._work: Steps | None = None
         self._queue = bytearray()
         self._last_write = write_reply()
@@ -62,7 +64,12 @@ class EthernetSession:
         """Whether the last turn left something that another one would get on with."""
         if self._work is not None:
             return self._port.idle or self._port.ready
-        return not self._incomplete or self._port.ready
+        return not (self._incomplete or self._held) or self._port.ready
+
+    @property
+    def idle(self) -> bool:
+        """Whether every request that has come is answered; a part of one does not count."""
+        return self._work is None and self._incomplete and self._port.idle
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the client."""
@@ -78,6 +85,8 @@ class EthernetSession:
         try:
             while len(replies) < REQUESTS_PER_TURN and (reply := self._step()) is not None:
                 replies.append(reply)
+                if self._port.heavy:
+                    break
         except MalformedRequestError:
             if not replies:
                 raise
@@ -91,7 +100,9 @@ class EthernetSession:
         if self._work is None:
             request, used = take_request(self._received)
             self._incomplete = request is None
-            if request is None:
+            # With others behind it, a request waits for its share as the lines of a queue do.
+            self._held = used < len(self._received) and self._port.spent
+            if request is None or self._held:
                 return None
             del self._received[:used]
             reply = self._board.answer(request)
@@ -125,7 +136,7 @@ class EthernetSession:
             case RequestCode.SENDCTRLCHAR:
                 yield from self._type(bytes([request.control_character]))
             case RequestCode.FLUSH:
-                yield from self._type(CONTROL_X)
+                yield from self._type(bytes([CONTROL_X]))
                 self._queue.clear()
             case RequestCode.PORT if request.direction == Direction.UPLOAD:
                 self._listen()

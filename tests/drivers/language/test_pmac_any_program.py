@@ -10,7 +10,7 @@ from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import Line
-from drivers.pmac.language.text import format_program
+from drivers.pmac.language.text import format_line
 from drivers.pmac.requests import Finished
 from tests.drivers.language.runs import Bench
 from tests.drivers.language.trees import lines
@@ -40,13 +40,17 @@ def run_as_far_as_it_goes(bench: Bench, text: str, strict: bool) -> None:
         return
 
 
+def written(program: tuple[Line, ...]) -> str:
+    return "\n".join(map(format_line, program))
+
+
 @given(programs, programs, st.booleans())
 def test_any_tree_is_executed_or_ends_with_an_error_of_the_card(
     program: tuple[Line, ...], other: tuple[Line, ...], turbo: bool
 ) -> None:
     bench = Bench(TURBO if turbo else PMAC)
-    bench.programs = dict.fromkeys((1, 1000, 1001), format_program(other).rstrip("\n"))
-    run_as_far_as_it_goes(bench, format_program(program).rstrip("\n"), strict=not turbo)
+    bench.programs = dict.fromkeys((1, 1000, 1001), written(other))
+    run_as_far_as_it_goes(bench, written(program), strict=not turbo)
 
 
 @given(texts, texts)
@@ -58,7 +62,7 @@ def test_any_order_of_words_is_executed_or_ends_with_an_error_of_the_card(text: 
 
 @given(programs)
 def test_a_program_that_is_written_and_read_again_is_the_same(program: tuple[Line, ...]) -> None:
-    again = tuple(parse_line(line) for line in format_program(program).splitlines())
+    again = tuple(parse_line(line) for line in map(format_line, program))
     assert again == program
     try:
         code = link(program)

@@ -27,7 +27,6 @@ from drivers.pmac.language.text import (
     format_expression,
     format_line,
     format_number,
-    format_program,
 )
 from tests.drivers.language.trees import lines
 
@@ -142,11 +141,6 @@ def test_canonical_text_is_written_as_it_was_read(text: str) -> None:
 
 def test_needless_parentheses_are_dropped() -> None:
     assert format_line(parse_line("P1=((P100*P200)/60*4)")) == "P1=P100*P200/60*4"
-
-
-def test_a_program_is_written_line_by_line() -> None:
-    program = (parse_line("INC"), (), parse_line("x5 y(-p1)"))
-    assert format_program(program) == "INC\n\nX5 Y(-P1)\n"
 
 
 def test_what_would_be_read_as_something_else_is_not_written() -> None:

@@ -21,7 +21,8 @@ from drivers.pmac.requests import (
     SplineRequest,
 )
 from drivers.pmac.trajectory.pieces import Piece, position_at, velocity_at
-from drivers.pmac.trajectory.planner import MotionPlanner, Planned
+from drivers.pmac.trajectory.planned import Planned
+from drivers.pmac.trajectory.planner import MotionPlanner
 from drivers.pmac.variables import VariableStore
 
 INTERRUPT_MS = 3 * 3_713_707 / 8_388_608

@@ -1,0 +1,106 @@
+"""Where the axes stand when a program begins: as the operator says, as a comment of the text says, or at home.
+
+A program says where it goes and not where it comes from; a comment such as `; starts at X240000 Y0 Z169300` does.
+Positions are user units of axes. An axis that is not named stands at home, 0 counts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum, auto
+
+from drivers.errors import DriverError
+from drivers.pmac.axes import AXIS_LETTERS, AxisDefinition, axis_positions
+from drivers.pmac.language.text import format_number
+from drivers.pmac.trajectory.frame import FARTHEST_COUNTS
+from profiles.problem import Problem
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+_WORD = rf"[{''.join(AXIS_LETTERS)}]{_NUMBER}"
+_COMMENT = re.compile(rf"\s*;\s*starts at((?:\s+{_WORD})+)\s*", re.IGNORECASE | re.ASCII)
+_TOLD = re.compile(rf"\s*([{''.join(AXIS_LETTERS)}])\s*=\s*({_NUMBER})\s*", re.IGNORECASE | re.ASCII)
+
+
+class Source(StrEnum):
+    """Who says where a program starts."""
+
+    HOME = auto()
+    COMMENT = auto()
+    OPERATOR = auto()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """The `positions` of every axis; `line` is that of the comment which says so, from 1."""
+
+    positions: Mapping[str, float]
+    source: Source
+    line: int | None = None
+
+    def __str__(self) -> str:
+        return _words(self.positions)
+
+
+def read_start(text: str) -> dict[str, float]:
+    """Return the positions of a text such as `X=240000,Y=0`.
+
+    Raises:
+        ValueError: it is no such text; its argument is the part that is wrong.
+    """
+    positions: dict[str, float] = {}
+    for part in text.split(","):
+        found = _TOLD.fullmatch(part)
+        if found is None or found[1].upper() in positions:
+            raise ValueError(part)
+        positions[found[1].upper()] = float(found[2])
+    return positions
+
+
+def start_comment(definitions: Iterable[AxisDefinition], counts: Mapping[int, float]) -> str:
+    """Return the comment line that says where motors stand; `counts` by motor."""
+    by_motor = {definition.motor: definition for definition in definitions}
+    return f"; starts at {_words(axis_positions(by_motor, counts))}"
+
+
+def start_of(text: str, definitions: Iterable[AxisDefinition], told: Mapping[str, float] | None) -> Start:
+    """Return where a program starts: as `told`, or else as the first such comment of its text says, or at home.
+
+    Raises:
+        DriverError: `program.start_axis`, no motor serves that axis; `program.start_too_far`.
+    """
+    by_motor = {definition.motor: definition for definition in definitions}
+    home = axis_positions(by_motor, dict.fromkeys(by_motor, 0.0))
+    if told is not None:
+        start = Start(positions=told, source=Source.OPERATOR)
+    else:
+        start = _commented(text) or Start(positions={}, source=Source.HOME)
+    for axis in start.positions:
+        if axis not in home:
+            limit = ", ".join(sorted(home)) or "-"
+            raise DriverError(Problem(code="program.start_axis", value=axis, limit=limit))
+    whole = Start(positions=home | dict(start.positions), source=start.source, line=start.line)
+    for motor, counts in start_counts(by_motor.values(), whole).items():
+        if abs(counts) > FARTHEST_COUNTS:
+            value, limit = f"{counts:.0f} counts", f"{FARTHEST_COUNTS:.0f} counts"
+            raise DriverError(Problem(code="program.start_too_far", key=f"#{motor}", value=value, limit=limit))
+    return whole
+
+
+def start_counts(definitions: Iterable[AxisDefinition], start: Start) -> dict[int, float]:
+    """Return where the motors stand then, counts by motor."""
+    return {definition.motor: definition.counts(start.positions) for definition in definitions}
+
+
+def _commented(text: str) -> Start | None:
+    for line, row in enumerate(text.splitlines(), start=1):
+        found = _COMMENT.fullmatch(row)
+        if found is not None:
+            positions = {word[0].upper(): float(word[1:]) for word in found[1].split()}
+            return Start(positions=positions, source=Source.COMMENT, line=line)
+    return None
+
+
+def _words(positions: Mapping[str, float]) -> str:
+    return " ".join(f"{axis}{format_number(position)}" for axis, position in sorted(positions.items()))
