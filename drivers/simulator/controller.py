@@ -15,7 +15,7 @@ from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.memory import Memory
-from drivers.pmac.plc import Addressed
+from drivers.pmac.plcs.plc import Addressed
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.simulator.coordinate import CoordinateSystem
 from drivers.simulator.countdown import TimedVariables

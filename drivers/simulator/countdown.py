@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.timers import count_down, timer_variables
+from drivers.pmac.plcs.timers import count_down, timer_variables
 from drivers.pmac.variables import VariableStore
 
 ServoCycles = Callable[[], int]

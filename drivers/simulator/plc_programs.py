@@ -7,8 +7,8 @@ from contextlib import suppress
 
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.plc_structure import link_plc
-from drivers.pmac.plc import Addressed, PlcFault, PlcHost, PlcRun
-from drivers.pmac.plc_schedule import (
+from drivers.pmac.plcs.plc import Addressed, PlcFault, PlcHost, PlcRun
+from drivers.pmac.plcs.schedule import (
     FOREGROUND_PLC,
     PlcSwitches,
     background_order,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from drivers.pmac.plc import Addressed
+from drivers.pmac.plcs.plc import Addressed
 
 PENDING_LIMIT = 1024
 """Texts of one kind that may wait; of more, the oldest are lost, for the card to go on with nobody listening."""

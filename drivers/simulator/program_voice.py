@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drivers.pmac.language.errors import PmacError
-from drivers.pmac.plc import Addressed
+from drivers.pmac.plcs.plc import Addressed
 from drivers.simulator import replies
 from drivers.simulator.commands.line import execute
 from drivers.simulator.context import ALL_CARDS, Context

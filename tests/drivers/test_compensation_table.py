@@ -10,9 +10,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from drivers.pmac.compensation_buffers import definition_order, refuse_definition, refuse_deletion
-from drivers.pmac.compensation_table import CompensationTable, TableDefinition, TableSource, step_counts
-from drivers.pmac.compensation_text import definition_text, read_table, table_lines
+from drivers.pmac.compensation.buffers import definition_order, refuse_definition, refuse_deletion
+from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource, step_counts
+from drivers.pmac.compensation.table_text import definition_text, read_table, table_lines
 from drivers.pmac.language.errors import PmacError
 
 MOTORS = 8

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.converted_position import parts_of, register_change
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.following import Following, FollowingMode, FollowingSetup, in_counts
+from drivers.pmac.master.converted_position import parts_of, register_change
+from drivers.pmac.master.following import Following, FollowingMode, FollowingSetup, in_counts
 
 ROLL = 2**24
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from drivers.pmac import float48
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.gather import (
+from drivers.pmac.gathering import float48
+from drivers.pmac.gathering.gather import (
     GatherError,
     gather_settings,
     is_due,
@@ -24,7 +24,7 @@ from drivers.pmac.gather import (
     source_of,
     unpack,
 )
-from drivers.pmac.gathered_data import GatherChannel, GatheredData, motor_channel
+from drivers.pmac.gathering.gathered_data import GatherChannel, GatheredData, motor_channel
 from drivers.pmac.memory import Pointer
 
 CYCLE_MS = 0.4427

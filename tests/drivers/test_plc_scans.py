@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
-from drivers.pmac.plc import PlcFault
+from drivers.pmac.plcs.plc import PlcFault
 from tests.drivers.plc_bench import PlcBench
 
 

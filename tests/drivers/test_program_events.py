@@ -6,7 +6,7 @@ import pytest
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.plc import Addressed
+from drivers.pmac.plcs.plc import Addressed
 from tests.drivers.ideal_card import CYCLE_MS, IdealCard, refused
 
 

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.converted_position import encoder_of
 from drivers.pmac.dialect import PMAC, TURBO
-from drivers.pmac.settings import servo_cycle_ms
-from drivers.pmac.time_base_setup import TimeBaseEntry
-from drivers.pmac.time_base_source import (
+from drivers.pmac.master.converted_position import encoder_of
+from drivers.pmac.master.time_base_setup import TimeBaseEntry
+from drivers.pmac.master.time_base_source import (
     FASTEST_SLEW,
     UNITS_PER_MS,
     ScaleFactorError,
@@ -25,6 +24,7 @@ from drivers.pmac.time_base_source import (
     scale_factor,
     slewed,
 )
+from drivers.pmac.settings import servo_cycle_ms
 
 
 @pytest.mark.parametrize(("counts_per_ms", "factor"), [(128, 1024), (163.84, 800), (256, 512), (204.8, 640)])

@@ -101,7 +101,7 @@ def test_the_version_is_a_number_and_two_blanks(card: Wire, word: str) -> None:
 
 
 def test_words_of_identity(card: Wire) -> None:
-    assert card.ask("TYPE CID CPU") == ["TURBO2, X4", "602413", "DSP56321"]
+    assert card.ask("TYPE CID CPU") == ["TURBO2, X4", "603382", "DSP56321"]
     assert len(card.ask("DATE VID CHECKSUM CHKS TIME TODAY")) == 6
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.time_base_source import FASTEST_SLEW, Trigger
+from drivers.pmac.master.time_base_source import FASTEST_SLEW, Trigger
 
 TIME_BASE_METHOD = 0x4
 """The method digit of an entry that is not triggered."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from drivers.pmac.compensation_table import CompensationTable, TableDefinition, TableSource
+from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.memory import WORD_BITS

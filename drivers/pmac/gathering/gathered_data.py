@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.pmac.converted_position import COUNT_PARTS
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.gather import GatherError, listed_words, long_words_of, unpack
+from drivers.pmac.gathering.gather import GatherError, listed_words, long_words_of, unpack
+from drivers.pmac.master.converted_position import COUNT_PARTS
 from drivers.pmac.memory import Pointer
 
 _POSITION_SCALE, _VELOCITY_SCALE, _CYCLE_EXTENSION = 8, 9, 60

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum, auto
 
-from drivers.pmac.converted_position import COUNT_PARTS, register_change
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.master.converted_position import COUNT_PARTS, register_change
 
 _ADDRESS, _ENABLE, _RATIO, _SCALE = 5, 6, 7, 8
 """Ix05 master address, Ix06 enable, Ix07 and Ix08 the teeth of the two gears."""

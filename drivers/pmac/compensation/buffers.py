@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from drivers.pmac.compensation_table import TableDefinition
+from drivers.pmac.compensation.table import TableDefinition
 from drivers.pmac.language.errors import ErrorCode, PmacError
 
 BEHIND_TABLES = ("TCOMP", "BLCOMP", "TBUF", "ROTARY", "LOOKAHEAD", "GATHER")

@@ -13,8 +13,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-from drivers.pmac import float48
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.gathering import float48
 from drivers.pmac.memory import WORD_BITS, Pointer
 
 WORDS_PER_LINE = 16

@@ -1,0 +1,1 @@
+"""Data gathering: what is sampled at servo rate, how it is packed, listed and read back."""
