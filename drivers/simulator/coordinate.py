@@ -212,14 +212,6 @@ class CoordinateSystem:
         refuse_moving(self._motion)
         self._motion.preset({axis: position})
 
-    def zero_axis(self, axis: str) -> None:
-        """Call the present place of an axis zero.
-
-        Raises:
-            PmacError: as for `set_axis`.
-        """
-        self.set_axis(axis, 0.0)
-
     def zero_axes(self) -> None:
         """Z: call the present place of every axis zero.
 

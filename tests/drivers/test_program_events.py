@@ -89,7 +89,7 @@ def test_an_axis_may_be_redefined_from_outside(card: IdealCard) -> None:
     card.system.zero_axes()
     assert card.system.frame.positions() == {"X": 0, "Y": 0}
     assert card.motor(2).position == 0
-    card.system.zero_axis("X")
+    card.system.set_axis("X", 0.0)
     assert refused(lambda: card.system.set_axis("Z", 1)) == 3
 
 
