@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -162,13 +161,7 @@ def _refill(buffers: dict[int, ProgramBuffer], texts: Texts) -> None:
 
 
 def _refill_plcs(plcs: PlcPrograms, texts: Texts) -> None:
-    """Store the PLCs.
-
-    One of which a line is refused is left out, and the rest of the file holds: without the line it would be
-    another PLC.
-    """
     plcs.buffers.clear()
     for number, lines in texts.items():
-        with suppress(PmacError):
-            read = [kept for line in lines for kept in stored_lines(parse_plc_line(line))]
-            plcs.buffers[int(number)] = PlcBuffer(read)
+        read = [kept for line in lines for kept in stored_lines(parse_plc_line(line))]
+        plcs.buffers[int(number)] = PlcBuffer(read)

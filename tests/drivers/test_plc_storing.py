@@ -14,6 +14,7 @@ from drivers.pmac.language.syntax import PlcLine
 from drivers.pmac.language.text import format_plc_line
 from drivers.simulator.port import LINE_LIMIT
 from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
 from tests.drivers.language.plc_trees import plc_lines
 from tests.drivers.plc_card import plc_card, reset, run_for, store, values
 from tests.drivers.wire_card import Wire, wire
@@ -190,25 +191,36 @@ def test_a_saved_plc_runs_in_the_next_process(machine: MachineProfile, tmp_path:
     assert second.ask("#3P") == ["500"]
 
 
-def test_a_saved_plc_that_is_refused_is_left_out_and_everything_else_comes_back(
+def test_a_saved_plc_without_an_end_comes_back_and_cannot_be_switched_on(
     machine: MachineProfile, tmp_path: Path
 ) -> None:
     path = tmp_path / "saved.json"
     first = wire(machine, saved=path)
     store(first, 5, "P1=P1+1", on=False)
-    first.tell("I5=2 I116=77", "OPEN PROG 5 CLEAR", "X1", "CLOSE", "SAVE")
+    first.tell("I5=2", "SAVE")
     table = json.loads(path.read_bytes())
-    table["plcs"]["4"] = ["P2=P2+1", "DWELL10"]
     table["plcs"]["6"] = ["IF(P1=1) P2=9"]
-    content = json.dumps(table)
-    path.write_text(content, encoding="ascii")
+    path.write_text(json.dumps(table), encoding="ascii")
     second = wire(machine, saved=path)
     run_for(second, 3)
-    assert values(second, "I116 P1 P2") == [77, 3, 0]
-    assert second.ask("LIST PROG 5") == ["X1"]
-    assert second.refusal("LIST PLC 4") == 3
+    assert values(second, "P1 P2") == [3, 0]
     assert second.ask("LIST PLC 6") == ["IF(P1=1)", "P2=9"]
     assert second.refusal("ENABLE PLC 6") == 16
+
+
+def test_a_file_with_a_line_that_no_plc_can_hold_is_refused_and_left_alone(
+    machine: MachineProfile, tmp_path: Path
+) -> None:
+    """Without the line it would be another PLC, and without the PLC another machine."""
+    path = tmp_path / "saved.json"
+    wire(machine, saved=path).tell("SAVE")
+    table = json.loads(path.read_bytes())
+    table["plcs"]["4"] = ["P2=P2+1", "DWELL10"]
+    content = json.dumps(table)
+    path.write_text(content, encoding="ascii")
+    with pytest.raises(ProfileError) as refused:
+        wire(machine, saved=path)
+    assert refused.value.problems[0].code == "file.unreadable"
     assert path.read_text(encoding="ascii") == content
 
 
