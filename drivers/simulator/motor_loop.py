@@ -54,11 +54,6 @@ class MotorLoop:
         return self.enabled or self._output is not None
 
     @property
-    def open_loop_output(self) -> bool:
-        """Whether the amplifier is on, with an output that O has set."""
-        return self._output is not None
-
-    @property
     def encoder(self) -> float:
         """Actual position as the encoder counts it."""
         return float(read_encoder(self.actual))
