@@ -1,4 +1,4 @@
-"""A program as it is sent: settings, then OPEN PROG n, CLEAR, the lines, CLOSE; comments stay on the host."""
+"""A program as it is sent: settings, tables, then OPEN PROG n, CLEAR, the lines, CLOSE; no comments are sent."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from drivers.pmac.language.program_buffers import (
 )
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
+from drivers.pmac.program_tables import MOST_MOTORS, TableReader, TextTable
 
 _DIRECTIVE = re.compile(r"#\s*(define|include|undef|ifdef|ifndef|if|else|endif)\b", re.IGNORECASE)
 _COMMENT = re.compile(r'((?:[^;"]|"[^"]*"?)*);.*')
@@ -54,8 +55,9 @@ class ProgramText:
     `lines` are the texts to send, without comments and empty lines, in order. Of several programs in a text the
     first one that is not reserved for G, M, T and D codes (below 1000) is the program, the others are
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
-    the other on-line commands, both as they stand in the text. `places` are the lines of the text, from 1, that
-    the lines of each program stand in.
+    the other on-line commands, both as they stand in the text. `tables` are the compensation tables that the card
+    holds then. `places` are the lines of the text, from 1, that the lines of each program stand in,
+    `setting_places` those of the settings.
     """
 
     number: int
@@ -67,6 +69,8 @@ class ProgramText:
     commands: tuple[str, ...] = ()
     plcs: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     places: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    tables: tuple[TextTable, ...] = ()
+    setting_places: tuple[int, ...] = ()
 
     def code(self, number: int) -> Code | None:
         """Return a program of this text ready to run: the library of its calls.
@@ -87,15 +91,17 @@ class RefusedLine:
     error: PmacError
 
 
-def read_program(text: str, refused: list[RefusedLine] | None = None) -> ProgramText:
-    """Take a text apart as the card would.
+def read_program(
+    text: str, refused: list[RefusedLine] | None = None, motor_count: int = MOST_MOTORS
+) -> ProgramText:
+    """Take a text apart as a card with so many motors would.
 
     With `refused`, the lines that the card does not take go there, and the next ones are read, as the card does.
 
     Raises:
         PmacError: the line that is wrong is in its detail.
     """
-    taken = _Taken()
+    taken = _Taken(tables=TableReader(motor_count))
     for place, raw in enumerate(text.splitlines(), start=1):
         line = _without_comment(raw).strip()
         if not line:
@@ -123,8 +129,10 @@ def _without_comment(line: str) -> str:
 class _Taken:
     """What has been read so far; `program` or `plc` is the open buffer."""
 
+    tables: TableReader
     lines: list[str] = field(default_factory=list)
     settings: list[Line] = field(default_factory=list)
+    setting_places: list[int] = field(default_factory=list)
     definitions: dict[int, AxisDefinition] = field(default_factory=dict)
     commands: list[str] = field(default_factory=list)
     programs: dict[int, list[Line]] = field(default_factory=dict)
@@ -147,6 +155,8 @@ class _Taken:
             commands=tuple(self.commands),
             plcs={n: tuple(lines) for n, lines in self.plcs.items()},
             places={n: tuple(places) for n, places in self.places.items()},
+            tables=self.tables.tables,
+            setting_places=tuple(self.setting_places),
         )
 
     def take(self, line: str) -> None:
@@ -197,12 +207,14 @@ class _Taken:
             self._on_line(text)
 
     def _on_line(self, text: str) -> None:
-        """Take assignments and axis definitions out of a line; the commands between them stay text."""
+        """Take assignments, axis definitions and tables out of a line; the commands between them stay text."""
         scanner = Scanner(text)
+        if self.tables.take_entries(scanner, self.place):
+            return
         assigned: list[syntax.Statement] = []
         while not scanner.at_end:
             mark = scanner.mark()
-            if self._define(scanner):
+            if self.tables.take_word(scanner, self.place) or self._define(scanner):
                 continue
             scanner.reset(mark)
             if scanner.accept("&") and (system := scanner.take_integer()) is not None:
@@ -212,11 +224,14 @@ class _Taken:
             setting = _setting(scanner)
             if setting is None:
                 scanner.reset(mark)
-                self.commands.append(text[scanner.position :].strip())
+                rest = text[scanner.position :].strip()
+                self.tables.address(rest)
+                self.commands.append(rest)
                 break
             assigned.append(setting)
         if assigned:
             self.settings.append(tuple(assigned))
+            self.setting_places.append(self.place)
 
     def _define(self, scanner: Scanner) -> bool:
         if not scanner.accept("#"):

@@ -11,7 +11,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from drivers.pmac.compensation.buffers import definition_order, refuse_definition, refuse_deletion
-from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource, step_counts
+from drivers.pmac.compensation.table import (
+    CompensationTable,
+    TableDefinition,
+    TableSource,
+    correction_range,
+    step_counts,
+)
 from drivers.pmac.compensation.table_text import definition_text, read_table, table_lines
 from drivers.pmac.language.errors import PmacError
 
@@ -74,7 +80,7 @@ def test_between_entries_it_is_what_numpy_interpolates(
     table = cam(*sixteenths, span=span)
     knots = np.arange(1, len(sixteenths) + 1) * span / len(sixteenths)
     expected = np.interp(track, knots, np.array(sixteenths) / 16, period=span)
-    assert np.allclose(table.corrections(track), expected, rtol=1e-9, atol=1e-6)
+    assert np.allclose([table.correction(place) for place in track], expected, rtol=1e-9, atol=1e-6)
 
 
 def test_rows_and_columns_are_sent_row_by_row_without_the_origin() -> None:
@@ -113,15 +119,8 @@ def test_between_rows_and_columns_it_is_bilinear(table: CompensationTable, along
     assert table.correction(along, across) == pytest.approx(float(expected), rel=1e-9, abs=1e-6)
 
 
-def test_a_block_of_servo_cycles_is_the_same_as_one_by_one() -> None:
-    table = read_table(GRID, MOTORS)
-    along, across = [-50.0, 0.0, 75.5, 1000.25], [10.0, 190.5, -3.0, 400.0]
-    expected = [table.correction(*place) for place in zip(along, across, strict=True)]
-    assert table.corrections(along, across) == expected
-
-
 def test_each_source_needs_its_position() -> None:
-    with pytest.raises(ValueError, match="1 tracks for 2 sources"):
+    with pytest.raises(ValueError, match="1 positions for 2 sources"):
         read_table(GRID, MOTORS).correction(5.0)
 
 
@@ -259,6 +258,34 @@ def test_no_switch_is_worse_than_the_worst(table: CompensationTable, data: st.Da
     assert step == abs(table.correction(*places))
     assert step <= step_counts(table, [None] * len(places)) + 1e-6
     assert step <= step_counts(table, [None, *places[1:]]) + 1e-6
+
+
+@given(tables(), st.data())
+def test_a_range_holds_every_correction_on_the_way(table: CompensationTable, data: st.DataObject) -> None:
+    ways = [sorted(data.draw(st.tuples(positions, positions))) for _ in table.definition.sources]
+    low, high = correction_range(table, [(first, last) for first, last in ways])
+    for share in (0.0, 0.3, 0.5, 0.9, 1.0):
+        at = [first + share * (last - first) for first, last in ways]
+        assert low - 1e-6 <= table.correction(*at) <= high + 1e-6
+    everywhere = correction_range(table, [None] * len(ways))
+    assert everywhere[0] - 1e-6 <= low <= high <= everywhere[1] + 1e-6
+
+
+def test_a_way_has_the_extremes_that_lie_on_it() -> None:
+    """Entries of 1, 5, -2 and 0 counts at 1000, 2000, 3000 and 4000."""
+    table = cam(16, 80, -32, 0)
+    assert correction_range(table, [(1000, 2500)]) == (1.0, 5.0)
+    assert correction_range(table, [(2500, 3500)]) == (-2.0, 1.5)
+    assert correction_range(table, [(3500, 4500)]) == (-1.0, 0.5)
+    assert correction_range(table, [(-500, 500)]) == (-1.0, 0.5)
+    assert correction_range(table, [(100, 4100)]) == (-2.0, 5.0)
+
+
+def test_a_way_across_the_seam_of_a_grid_meets_both_its_edges() -> None:
+    """Column 0 has 0 and 10, column 3 has 3 and 13 counts; in between row 0 and row 1."""
+    table = read_table(GRID, MOTORS)
+    assert correction_range(table, [(290, 310), 0]) == (0.0, 3.0)
+    assert correction_range(table, [(290, 310), 100]) == (10.0, 13.0)
 
 
 def test_a_step_needs_a_position_for_each_source() -> None:

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
-from drivers.pmac.master.converted_position import encoder_of
-from drivers.pmac.master.time_base_setup import TimeBaseEntry
+from drivers.pmac.master.time_base_setup import TimeBaseEntry, entry_of
 from drivers.pmac.master.time_base_source import (
     FASTEST_SLEW,
     UNITS_PER_MS,
@@ -141,13 +140,17 @@ def test_a_triggered_entry_on_turbo_says_which_kind_of_encoder_circuit() -> None
     assert f"{entry.word():06X}" == "9F8018"  # 9, bit 19, and the address below it
 
 
-def test_the_first_lines_of_the_factory_table_are_the_encoders() -> None:
-    assert [encoder_of(address, PMAC) for address in (0x71F, 0x720, 0x723, 0x727, 0x728, 0x73F)] == [
-        None,
-        1,
-        4,
-        8,
-        None,
-        None,
-    ]
-    assert [encoder_of(address, TURBO) for address in (0x3501, 0x3504, 0x35C0)] == [1, 4, None]
+@pytest.mark.parametrize(
+    "entry",
+    [
+        TimeBaseEntry(line=9, source=0x723, factor=512),
+        TimeBaseEntry(line=10, source=0xC00C, factor=800, trigger=Trigger.ARMED),
+        TimeBaseEntry(line=8, source=0x78018, factor=512, trigger=Trigger.FROZEN, pmac2_encoder=True),
+    ],
+)
+def test_an_entry_is_read_back_from_its_words(entry: TimeBaseEntry) -> None:
+    assert entry_of(entry.line, entry.word(), entry.factor) == entry
+
+
+def test_an_encoder_makes_no_time_base() -> None:
+    assert entry_of(0, 0xC000, 0) is None

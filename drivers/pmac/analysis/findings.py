@@ -25,6 +25,11 @@ class Code(StrEnum):
     """Every finding."""
 
     LINE_REFUSED = auto()
+    TABLE_ORDER = auto()
+    TABLE_UNFILLED = auto()
+    TABLE_LAST_ENTRY = auto()
+    TABLE_THROWS = auto()
+    TABLE_THROWS_OTHER = auto()
     RUN_TIME_ERROR = auto()
     BEYOND_LIMIT = auto()
     BEYOND_TRAVEL = auto()

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from drivers.pmac.analysis.findings import Code, Finding, Level, Value
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.walk import Ending, Left
+from drivers.pmac.compensation.buffers import TableOrderError
 from drivers.pmac.program_text import RefusedLine
 
 
@@ -29,6 +30,9 @@ def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Find
 
 def _refused(line: RefusedLine) -> Finding:
     values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
+    if isinstance(line.error, TableOrderError):
+        values |= {"motor": line.error.motor, "lower": line.error.lower}
+        return Finding(code=Code.TABLE_ORDER, level=Level.FAULT, lines=(line.place,), values=values)
     return Finding(code=Code.LINE_REFUSED, level=Level.FAULT, lines=(line.place,), values=values)
 
 

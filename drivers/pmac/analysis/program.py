@@ -16,6 +16,7 @@ from drivers.pmac.analysis.source import with_times
 from drivers.pmac.analysis.start import Start, start_counts, start_of
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.synchronism import synchronism_findings
+from drivers.pmac.analysis.tables import table_findings
 from drivers.pmac.analysis.timeline import Timeline
 from drivers.pmac.analysis.timing import timing_findings
 from drivers.pmac.analysis.walk import walk
@@ -67,13 +68,15 @@ def check_program(
         DriverError: `program.start_axis`, `program.start_too_far`.
     """
     refused: list[RefusedLine] = []
-    read = with_times(read_program(text, refused), ta_ms, ts_ms)
+    dialect = DIALECTS[machine.controller.family]
+    read = with_times(read_program(text, refused, dialect.motor_count), ta_ms, ts_ms)
     begins = start_of(text, _definitions(read, machine), start)
     subject = _subject(read, machine, begins, _settings(machine, ta_ms, ts_ms))
     zigzag = find_zigzag(subject)
     findings = [
         *flow_findings(subject, refused),
         *rounding_findings(subject, read),
+        *table_findings(subject, read),
         *limit_findings(subject),
         *timing_findings(subject),
         *path_findings(subject, zigzag),

@@ -8,7 +8,7 @@ is no flag to set, the walk ends there.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum, auto
 
@@ -33,6 +33,9 @@ from drivers.pmac.variables import MODAL_NUMBERS, VariableStore
 MOST_STEPS = 20_000
 """Requests of a program that are looked at."""
 
+COMPENSATION = 51
+"""I51 switches the compensation tables."""
+
 
 class Ending(StrEnum):
     """How a walk ended: behind the last line, with a run-time error, in a circle, or because it was too long."""
@@ -54,8 +57,21 @@ class Left:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Switch:
+    """I51 switched `on` or off by a line of `program`, in front of the request of step number `step`."""
+
+    step: int
+    on: bool
+    program: int
+    line: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Walk:
-    """What program `number` did. Vectors are in the order of `motors`; `error` is what ended it at run time."""
+    """What program `number` did. Vectors are in the order of `motors`; `error` is what ended it at run time.
+
+    `compensated` says whether I51 is on when it begins, `switches` what it does to it.
+    """
 
     number: int
     motors: tuple[int, ...]
@@ -65,6 +81,8 @@ class Walk:
     ending: Ending
     error: PmacError | None
     variables: VariableStore
+    compensated: bool = False
+    switches: tuple[Switch, ...] = ()
 
     @property
     def pieces(self) -> list[Piece]:
@@ -111,15 +129,23 @@ def settle(text: ProgramText, variables: VariableStore) -> None:
 
 
 class WatchedVariables(VariableStore):
-    """Remembers what a program has set, but for the modal times, which say nothing of where it is."""
+    """Remembers what a program has set, but for the modal times, which say nothing of where it is.
+
+    `on_compensation` is told when I51 goes on or off.
+    """
 
     def __init__(self, i_variables: Mapping[int, float], dialect: Dialect) -> None:
         super().__init__(i_variables, dialect)
         self.written: dict[tuple[VariableKind, int, int], float] = {}
+        self.on_compensation: Callable[[bool], None] | None = None
 
     def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
         """Store a value, see `VariableStore.set`."""
+        before = self.i(COMPENSATION)
         super().set(kind, index, value, system)
+        after = self.i(COMPENSATION)
+        if after != before and self.on_compensation is not None:
+            self.on_compensation(after != 0.0)
         if kind is not VariableKind.I or index % 100 not in MODAL_NUMBERS:
             self.written[kind, index, system] = value
 
@@ -144,7 +170,11 @@ class _WatchedRun(ProgramRun):
     ) -> None:
         self._watched = watched
         self.taken: deque[_Taken] = deque()
+        self.switches: list[Switch] = []
+        self._requests = 0
         self._own_modes = Modes()
+        if isinstance(variables, WatchedVariables):
+            variables.on_compensation = self._switch
         super().__init__(
             link(text.program), variables, self._own_modes, positions, library=text.code, number=text.number
         )
@@ -165,6 +195,10 @@ class _WatchedRun(ProgramRun):
             by_move_time=self._own_modes.by_move_time,
         )
         self.taken.append(taken)
+        self._requests += 1
+
+    def _switch(self, on: bool) -> None:
+        self.switches.append(Switch(step=self._requests, on=on, program=self.program, line=self.line))
 
 
 class _Walker:
@@ -176,6 +210,7 @@ class _Walker:
         start: Mapping[int, float],
     ) -> None:
         settle(text, variables)
+        self._compensated = variables.i(COMPENSATION) != 0.0
         self._written = variables.written if isinstance(variables, WatchedVariables) else None
         self._variables = variables
         self._text = text
@@ -212,6 +247,8 @@ class _Walker:
             ending=ending,
             error=error,
             variables=self._variables,
+            compensated=self._compensated,
+            switches=tuple(self._run.switches),
         )
 
     def _to_the_end(self, watch: EndlessWatch, most_steps: int) -> Ending:

@@ -16,6 +16,16 @@ BEHIND_TABLES = ("TCOMP", "BLCOMP", "TBUF", "ROTARY", "LOOKAHEAD", "GATHER")
 """The buffers that lie behind the tables; LOOKAHEAD on Turbo only."""
 
 
+class TableOrderError(PmacError):
+    """Tables of lower motors, `lower`, lie behind the one of `motor`."""
+
+    def __init__(self, motor: int, lower: str) -> None:
+        detail = f"table of motor {motor}: those of lower motors ({lower}) lie behind it; delete them first"
+        super().__init__(ErrorCode.DATA_ERROR, detail)
+        self.motor = motor
+        self.lower = lower
+
+
 def refuse_definition(
     definition: TableDefinition, tables: Collection[int], buffers: Collection[str], room_entries: int
 ) -> None:
@@ -53,8 +63,7 @@ def _refuse_behind(motor: int, tables: Collection[int], buffers: Collection[str]
     lower = sorted(other for other in tables if other < motor)
     if lower:
         numbers = ", ".join(map(str, lower))
-        detail = f"table of motor {motor}: those of lower motors ({numbers}) lie behind it; delete them first"
-        raise PmacError(ErrorCode.DATA_ERROR, detail)
+        raise TableOrderError(motor, numbers)
     met = [name for name in BEHIND_TABLES if name in buffers]
     if met:
         detail = f"table of motor {motor}: {', '.join(met)} behind it; DELETE {met[0]} first"

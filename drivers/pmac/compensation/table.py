@@ -14,6 +14,7 @@ not sent and is zero. The edges at zero have entries of their own, so the table 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,9 @@ from itertools import product
 
 PARTS_PER_COUNT = 16
 """Entries are in sixteenths of a count of the target."""
+
+Whereabouts = float | tuple[float, float] | None
+"""Where a source is, counts: there, somewhere from one position to a higher one, or anywhere at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,59 +88,67 @@ class CompensationTable:
 
     def correction(self, *positions_counts: float) -> float:
         """Return the correction in counts of the target, where the sources are."""
-        return self.corrections(*((position,) for position in positions_counts))[0]
-
-    def corrections(self, *tracks_counts: Sequence[float]) -> list[float]:
-        """Return the correction for each servo cycle of a block; one track of positions for each source."""
-        sizes = (self.definition.columns, self.definition.rows)
+        definition = self.definition
         places = [
-            [position % source.span_counts * size / source.span_counts for position in track]
-            for source, size, track in zip(self.definition.sources, sizes, tracks_counts, strict=False)
+            position % source.span_counts * size / source.span_counts
+            for position, source, size in zip(
+                positions_counts, definition.sources, (definition.columns, definition.rows), strict=False
+            )
         ]
-        if len(tracks_counts) != len(self.definition.sources):
-            raise ValueError(f"{len(tracks_counts)} tracks for {len(self.definition.sources)} sources")
-        if len(places) == 1:
-            return _along(self.grid[0], places[0])
-        return [self.at(column, row) for column, row in zip(*places, strict=True)]
+        if not len(positions_counts) == len(places) == len(definition.sources):
+            raise ValueError(f"{len(positions_counts)} positions for {len(definition.sources)} sources")
+        return self.at(*places)
 
     def at(self, column: float, row: float = 0.0) -> float:
         """Return the correction at a place of the grid, in spacings; its ends belong to their last interval."""
         left = min(int(column), self.definition.columns - 1)
         share = column - left
         above = min(int(row), max(0, self.definition.rows - 1))
-        lines = self.grid[above : above + 2]
-        found = [line[left] + (line[left + 1] - line[left]) * share for line in lines]
-        return found[0] + (found[-1] - found[0]) * (row - above)
+        line = self.grid[above]
+        found = line[left] + (line[left + 1] - line[left]) * share
+        if not self.definition.rows:
+            return found
+        line = self.grid[above + 1]
+        below = line[left] + (line[left + 1] - line[left]) * share
+        return found + (below - found) * (row - above)
 
 
 def step_counts(
-    table: CompensationTable, positions_counts: Sequence[float | None], held_counts: float = 0.0
+    table: CompensationTable, positions_counts: Sequence[Whereabouts], held_counts: float = 0.0
 ) -> float:
     """Return by how much the target is thrown when I51 goes to 1 at these positions of the sources, counts.
 
-    A source that turns, and may be anywhere, is None; then it is the worst that can happen. `held_counts` is what
-    the register of the correction still holds: I51 = 0 leaves the last correction in it. A cam is switched without
-    a step only where this is 0, for instance in a row of zeros.
+    Where a source may be in several places it is the worst that can happen. `held_counts` is what the register of
+    the correction still holds: I51 = 0 leaves the last correction in it. A cam is switched without a step only
+    where this is 0, for instance in a row of zeros.
     """
-    sources = table.definition.sources
-    if len(positions_counts) != len(sources):
-        raise ValueError(f"{len(positions_counts)} positions for {len(sources)} sources")
-    places = []
-    for source, size, position in zip(
-        sources, (table.definition.columns, table.definition.rows), positions_counts, strict=False
-    ):
-        everywhere = [float(place) for place in range(size + 1)]  # straight lines are worst where they meet
-        span = source.span_counts
-        places.append(everywhere if position is None else [position % span * size / span])
-    return max(abs(table.at(*place) - held_counts) for place in product(*places))
+    return max(abs(correction - held_counts) for correction in correction_range(table, positions_counts))
 
 
-def _along(knots: Sequence[float], places: Sequence[float]) -> list[float]:
-    """Return what `at` does for a table with one source, as fast as a block of servo cycles needs it."""
-    last = len(knots) - 2
-    found = []
-    for place in places:
-        left = min(int(place), last)
-        start = knots[left]
-        found.append(start + (knots[left + 1] - start) * (place - left))
-    return found
+def correction_range(table: CompensationTable, positions_counts: Sequence[Whereabouts]) -> tuple[float, float]:
+    """Return the least and the greatest correction while the sources are where they may be, counts."""
+    definition = table.definition
+    if len(positions_counts) != len(definition.sources):
+        raise ValueError(f"{len(positions_counts)} positions for {len(definition.sources)} sources")
+    sizes = (definition.columns, definition.rows)
+    places = [
+        _turning_places(where, source.span_counts, size)
+        for where, source, size in zip(positions_counts, definition.sources, sizes, strict=False)
+    ]
+    found = [table.at(*place) for place in product(*places)]
+    return min(found), max(found)
+
+
+def _turning_places(where: Whereabouts, span: int, size: int) -> list[float]:
+    """Return the places, in spacings, between which a correction is a straight line: one of them is extreme."""
+    if isinstance(where, int | float):
+        return [where % span * size / span]
+    if where is None or where[1] - where[0] >= span:
+        return [float(place) for place in range(size + 1)]
+    begin = where[0] % span * size / span
+    end = begin + (where[1] - where[0]) * size / span
+    places = [begin, end if end < size else end - size]
+    for knot in range(math.ceil(begin), math.floor(end) + 1):
+        # The upper end and zero are one position with two entries, and a source that crosses it meets both.
+        places += [float(size), 0.0] if knot == size else [float(knot % size)]
+    return places

@@ -61,13 +61,19 @@ class ConversionTable:
     """Where the encoder conversion table is: results in X from `first_address`, set-up in Y at the same places.
 
     The set-up of a line is also I`first_setting` and so on, in families where it is no plain memory (None). As it
-    leaves the factory, the first `encoders` lines are the encoders of channels 1, 2 and so on.
+    leaves the factory, the first lines are the encoders at the `channels`, 1, 2 and so on; `factory` follows them.
     """
 
     first_address: int
     lines: int
-    encoders: int
+    channels: tuple[int, ...]
+    factory: tuple[int, ...] = ()
     first_setting: int | None = None
+
+    @property
+    def setup(self) -> tuple[int, ...]:
+        """The words of the first lines, as they leave the factory."""
+        return (*self.channels, *self.factory)
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,13 @@ _MOTOR_BITS: BitTable = {
 
 _TIMERS = (11, 12)
 
+_CONVERSION_TABLE = ConversionTable(
+    first_address=0x3501,
+    lines=192,
+    channels=(*range(0x78000, 0x78020, 8), *range(0x78100, 0x78120, 8)),
+    first_setting=8000,
+)
+
 TURBO = Dialect(
     name="turbo",
     replies={
@@ -87,12 +94,26 @@ TURBO = Dialect(
         Setting.LEAST_ARC: Place(Scope.SYSTEM, 97),
         Setting.FLAG_MODE: Place(Scope.MOTOR, 24),
     },
-    global_defaults={3: 1, 4: 0, 5: 1, 6: 3, 8: 2, 9: 2, 10: 3_713_707, 40: 0, 68: 15, 5049: 1},
-    motor_defaults={**PMAC.motor_defaults, 90: 1, 92: 50},
+    global_defaults={
+        3: 1,
+        4: 0,
+        5: 1,
+        6: 3,
+        8: 2,
+        9: 2,
+        10: 3_713_707,
+        40: 0,
+        68: 15,
+        5049: 1,
+        **dict(enumerate(_CONVERSION_TABLE.setup, 8000)),
+    },
+    motor_defaults={**PMAC.motor_defaults, 5: 0x35C0, 90: 1, 92: 50},
     system_defaults=PMAC.system_defaults,
     global_ranges={
         **{number: PMAC.global_ranges[number] for number in (1, 3, 4, 5, 6, 9, 10, 15, 51, 62, 63, 64)},
         40: (0, 2**16),
+        5049: (0, 2**23),
+        **dict.fromkeys((*range(5001, 5049), 5050, 5051, *range(8000, 8192)), (0, 2**24)),
         42: (0, 2),
         68: (0, 16),
     },
@@ -140,16 +161,19 @@ TURBO = Dialect(
     axis_codes={"A": 1, "B": 2, "C": 3, **dict.fromkeys("UVW", 4), **dict.fromkeys("XYZ", 7)},
     position_step=1 / 32,
     highest_address=0xFFFFFF,
-    conversion_table=ConversionTable(first_address=0x3501, lines=192, encoders=8, first_setting=8000),
+    conversion_table=_CONVERSION_TABLE,
     gathering=GatherSettings(period=5049, masks=(5050, 5051), first_source=5001),
     offset_following=(6, 1),
-    global_addresses=(*range(20, 24), *range(5001, 5049), 5050, 5051),
+    global_addresses=(*range(20, 24), *range(5001, 5049), 5050, 5051, *range(8000, 8192)),
     motor_addresses=(2, 3, 4, 5, 10, 24, 25, 81, 82, 83),
     system_addresses=(93,),
     registers={
         "commanded": Register("D", 0x88, 0x80),
         "actual": Register("D", 0x8B, 0x80),
         "velocity": Register("X", 0x9D, 0x80),
+        "master": Register("D", 0x8D, 0x80),
+        "compensation": Register("D", 0x90, 0x80),
+        "following_error": Register("D", 0x91, 0x80),
         "target": Register("D", 0xC7, 0x80),
         "bias": Register("D", 0xCC, 0x80),
         "variable_jog": Register("L", 0xD7, 0x80),

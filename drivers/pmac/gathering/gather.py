@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering import float48
@@ -28,6 +29,7 @@ _SPACES = ("Y", "X", "D", "L")
 _SPACE_SHIFT = 22
 _ADDRESS = (1 << 20) - 1
 _WORD = (1 << WORD_BITS) - 1
+_LONG = (1 << LONG_BITS) - 1
 _LONG_WORD = re.compile(r"[0-9A-Fa-f]{12}")
 
 
@@ -90,21 +92,31 @@ def long_words_of(sources: Sequence[Pointer]) -> int:
     return (sum(_words_in(source) for source in sources) + 1) // 2
 
 
+def shifts_of(sources: Sequence[Pointer]) -> tuple[int, ...]:
+    """Return how many bits above its first word each source of a sample begins.
+
+    Taken for one number, a sample has its first long word lowest.
+    """
+    ends = accumulate(WORD_BITS * _words_in(source) for source in sources)
+    return tuple(end - WORD_BITS * _words_in(source) for end, source in zip(ends, sources, strict=True))
+
+
+def padding_of(sources: Sequence[Pointer]) -> int:
+    """Return what fills a sample up, at its place."""
+    words = sum(_words_in(source) for source in sources)
+    return PADDING << WORD_BITS * words if words % 2 else 0
+
+
 def pack(sources: Sequence[Pointer], values: Sequence[float]) -> list[int]:
     """Return a sample as long words, without a sign.
 
     Raises:
         GatherError: a value that its register cannot hold.
     """
-    words: list[int] = []
-    for source, value in zip(sources, values, strict=True):
-        held = _held(source, value)
-        words.append(held & _WORD)
-        if _words_in(source) == 2:
-            words.append(held >> WORD_BITS)
-    if len(words) % 2:
-        words.append(PADDING)
-    return [low | high << WORD_BITS for low, high in zip(words[::2], words[1::2], strict=True)]
+    packed = padding_of(sources)
+    for source, value, shift in zip(sources, values, shifts_of(sources), strict=True):
+        packed |= _held(source, value) << shift
+    return [packed >> LONG_BITS * place & _LONG for place in range(long_words_of(sources))]
 
 
 def unpack(sources: Sequence[Pointer], long_words: Sequence[int]) -> list[float]:

@@ -13,10 +13,12 @@ from drivers.pmac.gathering.gather import GatherError, listed_words, long_words_
 from drivers.pmac.master.converted_position import COUNT_PARTS
 from drivers.pmac.memory import Pointer
 
-_POSITION_SCALE, _VELOCITY_SCALE, _CYCLE_EXTENSION = 8, 9, 60
+SCALE_NUMBERS = (8, 9, 60)
 """Ix08 and Ix09: how many steps of a register are 1/32 count; Ix60: a velocity is over one cycle more."""
 
-_POSITIONS = ("commanded", "actual", "target", "bias", "following_error")
+_POSITION_SCALE, _VELOCITY_SCALE, _CYCLE_EXTENSION = SCALE_NUMBERS
+
+_POSITIONS = ("commanded", "actual", "target", "bias", "master", "compensation", "following_error")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

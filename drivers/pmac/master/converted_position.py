@@ -6,7 +6,6 @@ Turbo Software Reference, I8000.
 
 from __future__ import annotations
 
-from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS
 
 COUNT_PARTS = 32
@@ -22,9 +21,3 @@ def register_change(new: int, old: int) -> int:
     """Return how far the register went, the shorter way round, 1/32 count."""
     half = 1 << (WORD_BITS - 1)
     return (new - old + half) % (1 << WORD_BITS) - half
-
-
-def encoder_of(address: int, dialect: Dialect) -> int | None:
-    """Return which encoder an address of the factory's conversion table is the position of, from 1; None: none."""
-    line = address - dialect.conversion_table.first_address
-    return line + 1 if 0 <= line < dialect.conversion_table.encoders else None

@@ -13,9 +13,13 @@ from drivers.pmac.master.time_base_source import FASTEST_SLEW, Trigger
 TIME_BASE_METHOD = 0x4
 """The method digit of an entry that is not triggered."""
 
-_METHOD_SHIFT = 20
+METHOD_SHIFT = 20
+"""Where the method digit is in a set-up word."""
+
 _TURBO_MODE = 1 << 19
 """In a triggered entry of a Turbo PMAC: the source is a servo IC of the PMAC2 kind."""
+
+_SOURCE_MASK = _TURBO_MODE - 1
 
 _SOURCE, _SLEW = 93, 94
 """Ix93, where the time base comes from, and Ix94, how fast it may change."""
@@ -38,7 +42,7 @@ class TimeBaseEntry:
         """Return the set-up word of the first line; the second one holds the scale factor."""
         method = TIME_BASE_METHOD if self.trigger is None else self.trigger
         mode = _TURBO_MODE if self.trigger is not None and self.pmac2_encoder else 0
-        return method << _METHOD_SHIFT | mode | self.source
+        return method << METHOD_SHIFT | mode | self.source
 
     def address(self, dialect: Dialect) -> int:
         """Return where the time base is, in X: the result of the second line."""
@@ -55,3 +59,15 @@ class TimeBaseEntry:
             first = table.first_setting + self.line
             setup = [f"I{first}=${self.word():X}", f"I{first + 1}={self.factor}"]
         return [*setup, f"I{source}=${self.address(dialect):X}", f"I{slew}={FASTEST_SLEW}"]
+
+
+def entry_of(line: int, word: int, factor: int) -> TimeBaseEntry | None:
+    """Return the entry that two set-up words make, None when they make no time base."""
+    method = word >> METHOD_SHIFT
+    source = word & _SOURCE_MASK
+    if method == TIME_BASE_METHOD:
+        return TimeBaseEntry(line=line, source=source, factor=factor)
+    if method not in tuple(Trigger):
+        return None
+    pmac2 = bool(word & _TURBO_MODE)
+    return TimeBaseEntry(line=line, source=source, factor=factor, trigger=Trigger(method), pmac2_encoder=pmac2)

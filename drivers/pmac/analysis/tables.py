@@ -1,0 +1,185 @@
+"""Findings about compensation tables that a text defines, and about the instants at which I51 switches them.
+
+The correction jumps when I51 goes to 1: from what the register holds, nothing at first or what the last I51 = 0
+left in it, to what the tables say for where their sources are. The card calculates up to two moves ahead, so that
+a source which moves may be anywhere on them; one that the program does not move may be anywhere at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.step import SAME_COUNTS, Step
+from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.analysis.units import shown_length, unit_of
+from drivers.pmac.analysis.walk import COMPENSATION
+from drivers.pmac.compensation.table import (
+    PARTS_PER_COUNT,
+    CompensationTable,
+    Whereabouts,
+    correction_range,
+)
+from drivers.pmac.language.evaluate import evaluate
+from drivers.pmac.language.syntax import Assign, VariableKind
+from drivers.pmac.program_tables import TextTable
+from drivers.pmac.program_text import ProgramText
+from drivers.pmac.requests import CircleRequest, HomeRequest, LinearRequest, PvtRequest, SplineRequest
+
+MOST_SWITCHES = 200
+"""Changes of I51 that are looked at: each may cost a walk through the whole of every table."""
+
+_BLENDED = LinearRequest | CircleRequest | SplineRequest | PvtRequest
+"""Requests behind which the card calculates on before they are done."""
+
+_Range = tuple[float, float]
+"""The least and the greatest correction that there may be, counts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Switching:
+    """I51 goes `on` or off, in front of step number `step`, by line `place` of the file."""
+
+    step: int
+    on: bool
+    place: int
+
+
+def table_findings(subject: Subject, text: ProgramText) -> list[Finding]:
+    """Return what is wrong with the tables of a text, and how far they throw what they move."""
+    findings: list[Finding] = []
+    complete: list[CompensationTable] = []
+    for sent in text.tables:
+        table = sent.table
+        if table is None:
+            findings.append(_unfilled(sent))
+            continue
+        complete.append(table)
+        if not table.definition.rows and table.entries[-1]:
+            findings.append(_last_entry(subject, sent))
+    if complete:
+        findings += _throws(subject, complete, _switchings(subject, text)[:MOST_SWITCHES])
+    return findings
+
+
+def _unfilled(sent: TextTable) -> Finding:
+    wanted = sent.definition.entry_count
+    values: dict[str, Value] = {"motor": sent.definition.motor, "entries": len(sent.entries), "wanted": wanted}
+    return Finding(code=Code.TABLE_UNFILLED, level=Level.WARNING, lines=(sent.place,), values=values)
+
+
+def _last_entry(subject: Subject, sent: TextTable) -> Finding:
+    """A correction that is not zero at the source's zero, where the manuals say that it is."""
+    target = sent.definition.target
+    counts = sent.entries[-1] / PARTS_PER_COUNT
+    values: dict[str, Value] = {"motor": sent.definition.motor, "target": target, "entry": sent.entries[-1]}
+    values |= {"counts": counts, **shown_length(subject.machine, target, counts)}
+    return Finding(code=Code.TABLE_LAST_ENTRY, level=Level.WARNING, lines=(sent.last_place,), values=values)
+
+
+def _switchings(subject: Subject, text: ProgramText) -> list[_Switching]:
+    """Return every change of I51, beginning with the tables that are on before the program starts."""
+    walk = subject.walk
+    found = []
+    if walk.compensated:
+        place = max(_setting_place(subject, text), *(sent.last_place for sent in text.tables))
+        found.append(_Switching(step=0, on=True, place=place))
+    for switch in walk.switches:
+        place = subject.place_of(switch.program, switch.line)
+        found.append(_Switching(step=switch.step, on=switch.on, place=place))
+    return found
+
+
+def _setting_place(subject: Subject, text: ProgramText) -> int:
+    """Return the line that sets I51 before the program; 0 where the machine does."""
+    places = [
+        place
+        for place, line in zip(text.setting_places, text.settings, strict=True)
+        for statement in line
+        if isinstance(statement, Assign)
+        and statement.target.kind is VariableKind.I
+        and int(evaluate(statement.target.index, subject.walk.variables)) == COMPENSATION
+    ]
+    return places[-1] if places else 0
+
+
+def _throws(
+    subject: Subject, tables: Sequence[CompensationTable], switchings: Iterable[_Switching]
+) -> list[Finding]:
+    """Return, for each target and line, the greatest throw."""
+    moved = _moved(subject)
+    held: Mapping[int, _Range] = {}
+    worst: dict[tuple[int, int], float] = {}
+    for switching in switchings:
+        now: dict[int, _Range] = {}
+        for table in tables:
+            sources = table.definition.sources
+            low, high = correction_range(
+                table, [_whereabouts(subject, source.motor, switching.step, moved) for source in sources]
+            )
+            below, above = now.get(table.definition.target, (0.0, 0.0))
+            now[table.definition.target] = (below + low, above + high)
+        if not switching.on:
+            held = now
+            continue
+        for target, (low, high) in now.items():
+            held_low, held_high = held.get(target, (0.0, 0.0))
+            key = (target, switching.place)
+            worst[key] = max(worst.get(key, 0.0), abs(high - held_low), abs(low - held_high))
+    return [
+        _throw(subject, target, place, counts)
+        for (target, place), counts in worst.items()
+        if counts * PARTS_PER_COUNT >= 1.0
+    ]
+
+
+def _throw(subject: Subject, target: int, place: int, counts: float) -> Finding:
+    known = unit_of(subject.machine, target) is not None
+    code = Code.TABLE_THROWS if known else Code.TABLE_THROWS_OTHER
+    values: dict[str, Value] = {"motor": target, "counts": counts, **shown_length(subject.machine, target, counts)}
+    return Finding(code=code, level=Level.WARNING, lines=(place,), values=values)
+
+
+def _whereabouts(subject: Subject, motor: int, step: int, moved: frozenset[int]) -> Whereabouts:
+    """Return where a motor may be when a line in front of a step is calculated."""
+    walk = subject.walk
+    if motor not in moved:
+        return None
+    index = walk.motors.index(motor)
+    before = walk.steps[:step]
+    if not before:
+        return walk.start[index]
+    if not _runs_on(before[-1]):
+        return before[-1].at[index]
+    first = before[-2] if len(before) > 1 and _runs_on(before[-2]) else before[-1]
+    behind = walk.steps[step] if step < len(walk.steps) else before[-1]
+    low, high = subject.timeline.extent(index, _moves_from_ms(first), _moves_from_ms(behind))
+    return high if high - low <= SAME_COUNTS else (low, high)
+
+
+def _runs_on(step: Step) -> bool:
+    return isinstance(step.request, _BLENDED)
+
+
+def _moves_from_ms(step: Step) -> float:
+    """Return when the ramp into a move begins: until then the move before it goes on. Without a ramp, the end."""
+    instant_ms = step.begins_ms
+    for piece in step.planned.pieces:
+        if piece.calculates:
+            break
+        instant_ms += piece.duration_ms
+    return instant_ms
+
+
+def _moved(subject: Subject) -> frozenset[int]:
+    """Return the motors whose place the program knows: those that it moves, or sends home."""
+    walk, timeline = subject.walk, subject.timeline
+    moved = {
+        motor for step in walk.steps if isinstance(step.request, HomeRequest) for motor in step.request.motors
+    }
+    for index, motor in enumerate(walk.motors):
+        low, high = timeline.extent(index, 0.0, timeline.ends_ms)
+        if high - low > SAME_COUNTS:
+            moved.add(motor)
+    return frozenset(moved & set(walk.motors))
