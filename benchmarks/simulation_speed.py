@@ -8,6 +8,7 @@ baseline is the three bare loops, without a controller round them.
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,12 +17,16 @@ from functools import partial
 from benchmarks.measure import print_table, seconds
 from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.pmac.axes import read_definitions
+from drivers.pmac.gathering.gather import gather_settings
+from drivers.pmac.gathering.gathered_data import motor_channel
 from drivers.pmac.language.text import format_number
 from drivers.pmac.settings import settings_with
 from drivers.simulator.controller import Controller
+from drivers.simulator.faults.lines import Lines
 from drivers.simulator.home_sensor import HomeSensor
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.port import Port
+from drivers.simulator.registers import CardMemory
 from drivers.simulator.servo import Axis
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -33,6 +38,9 @@ PLAIN_S = 10.0
 
 LOOP_SETTINGS = (8, 9, 11, 12, 30, 31, 32, 33, 34, 35, 63, 69)
 """Ix numbers that all three motors take from the tool."""
+
+CAM_ENTRIES = 100
+GATHERED = ("commanded", "actual", "following_error", "velocity")
 
 AIM = 100.0
 
@@ -71,8 +79,9 @@ class Bench:
         period_ms = machine.controller.servo_period_ms
         definitions = read_definitions(machine.controller.axis_definitions)
         self.controller = Controller(settings, axes, definitions, period_ms)
+        self.controller.variables.memory = CardMemory(self.controller)
         self.block = max(1, round(machine.controller.background_ms / period_ms))
-        self._port = Port(self.controller)
+        self._port = Port(self.controller, Lines(now_s=lambda: 0.0))
         self.say(*(f"#{motor}J/" for motor in motors))
 
     @property
@@ -154,6 +163,28 @@ def jogging(machine: MachineProfile) -> Rate:
     return bench.for_a_while()
 
 
+def led_by_a_cam(machine: MachineProfile) -> Rate:
+    """The same, with the tool on a table by the angle of the spindle: one servo cycle after another."""
+    bench = Bench(machine)
+    spindle = machine.spindle
+    entries = (round(1000 * math.sin(6 * math.pi * k / CAM_ENTRIES)) for k in range(1, CAM_ENTRIES + 1))
+    sources = f"#{spindle.motor},#{machine.tool.motor},{spindle.counts_per_rev}"
+    bench.say(f"#{machine.tool.motor}DEFINE COMP {CAM_ENTRIES},{sources}", *map(str, entries), "I51=1")
+    bench.say("#1J+", "#2J+", "#3J+")
+    return bench.for_a_while()
+
+
+def gathering(machine: MachineProfile) -> Rate:
+    """The same with four registers gathered in every servo cycle instead, and no cam."""
+    bench = Bench(machine)
+    dialect = bench.controller.dialect
+    channels = [motor_channel(name, 1, dialect.factory, dialect) for name in GATHERED]
+    settings = gather_settings([channel.source for channel in channels], 1, dialect)
+    bench.say(*(f"I{index}={value}" for index, value in settings.items()), "DEFINE GATHER", "GATHER")
+    bench.say("#1J+", "#2J+", "#3J+")
+    return bench.for_a_while()
+
+
 def program(machine: MachineProfile, plan: CutPlan) -> Rate:
     """A whole motion program, from R until everything stands still."""
     bench = Bench(machine)
@@ -193,6 +224,8 @@ def main() -> None:
         ("three bare loops (baseline)", middle(lambda: bare_loops(machine))),
         ("controller, at rest", middle(lambda: at_rest(machine))),
         ("controller, jogging", middle(lambda: jogging(machine))),
+        ("controller, jogging, on a cam", middle(lambda: led_by_a_cam(machine))),
+        ("controller, jogging, gathering", middle(lambda: gathering(machine))),
         *((name, middle(partial(program, machine, plan))) for name, plan in plans(machine, job)),
     ]
     baseline = rates[0][1]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCREEN = "console.tui.start"
-COMMANDS = ("jobs", "preview", "program", "check-program", "run", "simulator", "roundness")
+COMMANDS = ("jobs", "preview", "program", "check-program", "run", "simulator", "fault", "roundness")
 MODULES = {name: f"console.cli.{name.replace('-', '_')}" for name in COMMANDS}
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from profiles.fields import read_fields, schema_problem, spelled, unknown_keys
 from profiles.machine_fields import SECTIONS, TOP_FIELDS, read_assumed, read_variables
+from profiles.machine_spindle import inverter_problems
 from profiles.problem import Problem, ProfileError
 
 _AXES = ("tool", "spindle", "carriage")
@@ -79,7 +80,12 @@ class ToolAxis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spindle:
-    """The servo spindle with its rotary encoder. Positive is the direction of the cut."""
+    """The spindle with its rotary encoder. Positive is the direction of the cut. Inertia and torque are its own.
+
+    `drive` is "servo", a motor whose loop the controller closes, or "inverter", a conventional spindle that is
+    switched and set at the lathe and that the controller only reads. An inverter has `ramp_rpm_per_s`, and
+    `slip_rpm` at the peak torque; a servo has neither.
+    """
 
     motor: int
     encoder_lines_per_rev: int
@@ -87,6 +93,9 @@ class Spindle:
     max_speed_rpm: float
     inertia_kg_m2: float
     peak_torque_n_m: float
+    drive: str = "servo"
+    ramp_rpm_per_s: float | None = None
+    slip_rpm: float | None = None
 
     @property
     def counts_per_rev(self) -> int:
@@ -151,6 +160,7 @@ def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineP
     problems += found
     sections = _read_sections(table, where, problems)
     problems += _crossings(sections, where)
+    problems += inverter_problems(sections, where=where)
     problems += read_assumed(values.get("assumed", ()), where=where)
     if problems:
         raise ProfileError(*problems)

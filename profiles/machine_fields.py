@@ -10,6 +10,7 @@ from profiles.fields import Field, Kind, fault, spelled
 from profiles.problem import Problem
 
 FAMILIES = ("pmac", "turbo")
+SPINDLE_DRIVES = ("servo", "inverter")
 
 # Suffixes (Ixx..) whose value 0 means "no limit" on this controller: following error, abort deceleration,
 # program velocity, program acceleration, jog acceleration.
@@ -93,6 +94,9 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("max_speed_rpm", "rpm", 100_000),
             _positive("inertia_kg_m2", "kg m2", 1000),
             _positive("peak_torque_n_m", "N m", 100_000),
+            Field(key="drive", kind=Kind.CHOICE, choices=SPINDLE_DRIVES, default="servo"),
+            Field(key="ramp_rpm_per_s", unit="rpm/s", above=0, at_most=1_000_000, optional=True),
+            Field(key="slip_rpm", unit="rpm", at_least=0, at_most=10_000, optional=True),
         ),
         "carriage": (
             _MOTOR,

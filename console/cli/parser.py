@@ -11,6 +11,7 @@ from console.text.catalogue import LANGUAGES, Catalogue
 
 if TYPE_CHECKING:
     from drivers.link.address import TcpAddress
+    from drivers.simulator.control_address import ControlAddress
 
 DEFAULT_MACHINE = "lee-2001-lathe"
 STRATEGIES = ("none", "paper", "pvt")
@@ -85,6 +86,7 @@ def build(text: Catalogue) -> Parser:
     _check_program(commands, text)
     _run(commands, text)
     _simulator(commands, text)
+    _fault(commands, text)
     _roundness(commands, text)
     return parser
 
@@ -128,10 +130,17 @@ def _simulator(commands: _Commands, text: Catalogue) -> None:
     parser.add_argument("--tcp", metavar="HOST:PORT", type=_host_port, help=text("help.tcp"))
     parser.add_argument("--ethernet", metavar="HOST:PORT", type=_host_port, help=text("help.ethernet"))
     parser.add_argument("--pty", action="store_true", help=text("help.pty"))
+    parser.add_argument("--control", metavar="ADDRESS", type=_control, help=text("help.control"))
     _machine(parser, text)
     parser.add_argument("--dialect", choices=DIALECTS, help=text("help.dialect"))
     parser.add_argument("--saved", metavar="FILE", help=text("help.saved"))
     parser.add_argument("--speed", metavar="X", type=_speed, default=1.0, help=text("help.speed"))
+
+
+def _fault(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "fault", text)
+    parser.add_argument("address", metavar="ADDRESS", type=_control, help=text("help.fault_address"))
+    parser.add_argument("words", metavar="WORD", nargs="+", help=text("help.fault_words"))
 
 
 def _roundness(commands: _Commands, text: Catalogue) -> None:
@@ -201,6 +210,16 @@ def _host_port(word: str) -> TcpAddress:
 
     try:
         return parse_host_port(word)
+    except ProblemError as error:
+        raise argparse.ArgumentTypeError(Parser.text.problem(error.problems[0])) from error
+
+
+def _control(word: str) -> ControlAddress:
+    from drivers.simulator.control_address import parse_control_address
+    from profiles.problem import ProblemError
+
+    try:
+        return parse_control_address(word)
     except ProblemError as error:
         raise argparse.ArgumentTypeError(Parser.text.problem(error.problems[0])) from error
 

@@ -35,7 +35,7 @@ def main(options: Namespace, text: Catalogue) -> int:
             print(text("simulator.ready", machine=machine.name, address=address))
         sys.stdout.flush()
 
-    listeners = Listeners(tcp=options.tcp, ethernet=options.ethernet, pty=options.pty)
+    listeners = Listeners(tcp=options.tcp, ethernet=options.ethernet, pty=options.pty, control=options.control)
     lathe = _lathe(machine, options.dialect, options.saved)
     serve(lathe, listeners, ready, options.speed)
     return 0

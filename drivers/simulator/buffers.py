@@ -101,10 +101,10 @@ def delete_plc(controller: Controller, number: int) -> None:
 
 
 def delete_all(controller: Controller) -> None:
-    """DELETE ALL programs and PLCs.
+    """DELETE ALL programs, PLCs, compensation tables and the gather buffer.
 
     Raises:
-        PmacError: 001 while a program runs, 002 one is protected, 007 a buffer is open.
+        PmacError: 001 while a program runs, 002 one is protected, 007 a buffer is open or data are gathered.
     """
     _refuse_open(controller)
     if controller.any_program_running:
@@ -113,9 +113,11 @@ def delete_all(controller: Controller) -> None:
         refuse_protected(controller, number, PROTECTED_PROGRAMS)
     for number in controller.plcs.buffers:
         refuse_protected(controller, number, PROTECTED_PLCS)
+    controller.gather.delete()
     controller.programs.clear()
     for number in tuple(controller.plcs.buffers):
         controller.plcs.delete(number)
+    controller.tables.clear()
 
 
 def store(scanner: Scanner, context: Context) -> None:
@@ -146,8 +148,11 @@ def store(scanner: Scanner, context: Context) -> None:
 
 
 def room_lines(controller: Controller) -> int:
-    """Return how many lines more can be stored."""
-    return ROOM_LINES - stored_lines_in(controller)
+    """Return how many lines more can be stored.
+
+    An entry of a compensation table takes as much room as a line, and so does a long word to gather into.
+    """
+    return ROOM_LINES - stored_lines_in(controller) - controller.tables.entry_count - controller.gather.size
 
 
 def stored_lines_in(controller: Controller) -> int:

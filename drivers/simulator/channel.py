@@ -1,8 +1,8 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
 It is a stream of JSON lines, one answer for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`. The answer to what cannot be done is `{"refused": reason}`. Before anything is asked, one line
-`{"ready": device}` says where the card is connected.
+`{"do": "look"}`, `{"do": "fault", "line": "..."}` (as `faults.command` says). The answer to what cannot be done
+is `{"refused": reason}`. Before anything is asked, one line `{"ready": device}` says where the card is connected.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from drivers.simulator.control_address import REFUSED
+from drivers.simulator.faults import command
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import job_from_table
 from profiles.problem import ProfileError
@@ -42,12 +44,21 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
                 return asdict(lathe.look())
             case "measure":
                 return _measured(lathe)
+            case "fault":
+                return _fault(lathe, str(request["line"]))
             case unknown:
                 return {"refused": f"nothing to do: {unknown}"}
     except (ProfileError, RuntimeError) as error:
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
         return {"refused": f"no request: {error!r}"}
+
+
+def _fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
+    said = command.answer(lathe, line)
+    if said.startswith(REFUSED):
+        return {"refused": said.removeprefix(REFUSED).rstrip()}
+    return {"said": said}
 
 
 def _measured(lathe: SimulatedLathe) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Protocol
 
+from drivers.errors import LinkError
 from drivers.pmac.ethernet import MalformedRequestError
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.port import Port
@@ -128,14 +129,18 @@ class Connection(asyncio.Protocol):
         """Plug the host in."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
-        self._port = self._lathe.connect()
+        try:
+            self._port = self._lathe.connect()
+        except LinkError:
+            transport.abort()
+            return
         self._discipline = self._begin(self._lathe, self._port)
         self._turns = Turns(self._turn)
         self._hosts.add(self)
 
     def data_received(self, data: bytes) -> None:
         """Take what the host sends, and answer it if it reads its answers."""
-        if self._port is None:
+        if self._port is None or self._cut_off(self._port):
             return
         self._discipline.receive(data)
         if self._transport.get_write_buffer_size() <= SLOW_READER:
@@ -155,10 +160,19 @@ class Connection(asyncio.Protocol):
 
     def flush(self) -> None:
         """Send what the card has answered, and read on when it has room again."""
-        if self._port is not None:
+        if self._port is not None and not self._cut_off(self._port):
             self._turns.take()
 
+    def _cut_off(self, port: Port) -> bool:
+        """Reset the connection where the cable is cut."""
+        if port.lost:
+            self._unplug()
+            self._transport.abort()
+        return port.lost
+
     def _turn(self) -> bool:
+        if self._port is None or self._cut_off(self._port):
+            return False
         try:
             replies = self._discipline.turn()
         except MalformedRequestError:

@@ -7,7 +7,7 @@ host) happens between two blocks.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 
 from drivers.pmac.axes import AxisDefinition, refuse_singular
@@ -17,10 +17,13 @@ from drivers.pmac.language.structure import Code, link
 from drivers.pmac.memory import Memory
 from drivers.pmac.plcs.plc import Addressed
 from drivers.pmac.settings import servo_cycle_ms
+from drivers.simulator.conversion import Conversion
 from drivers.simulator.coordinate import CoordinateSystem
 from drivers.simulator.countdown import TimedVariables
+from drivers.simulator.gather_buffer import GatherBuffer
 from drivers.simulator.guard import Alarm, action_on_fault
 from drivers.simulator.home_sensor import HomeSensor
+from drivers.simulator.leads import Leads
 from drivers.simulator.motor import Motor
 from drivers.simulator.password import Password
 from drivers.simulator.plant.axis import bare_axis
@@ -29,6 +32,7 @@ from drivers.simulator.program_buffer import OpenBuffer, ProgramBuffer
 from drivers.simulator.program_host import CardHost
 from drivers.simulator.saved_state import Flash
 from drivers.simulator.servo import Axis
+from drivers.simulator.table_memory import TableMemory
 
 ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1
 """Whom a fault kills."""
@@ -59,6 +63,7 @@ class Controller:
         self.servo_period_ms = servo_period_ms
         self.dialect = dialect
         self.cycles = 0
+        self.watchdog_tripped = False
         self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
         self.host = CardHost(self.switch_plc)
         self.plcs = PlcPrograms(self.variables, self.host)
@@ -73,14 +78,17 @@ class Controller:
             number: CoordinateSystem(number, self.variables, self.motors, self.program_code, self.host)
             for number in range(1, dialect.system_count + 1)
         }
+        self.tables = TableMemory()
+        self.gather = GatherBuffer(self.variables)
+        self.conversion = Conversion(self.variables, self.motors)
+        self._leads = Leads(self.variables, self.motors, self.systems, self.conversion, self.tables)
         self._all_systems = tuple(self.systems.values())
         self._with_plant = frozenset(axes)
         self._profile_i_variables = dict(i_variables)
         self._profile_definitions = definitions
         self._awake: tuple[Motor, ...] = ()
         self._revision = -1
-        for definition in definitions:
-            self.systems[1].define(definition.motor, definition)
+        self._define_axes()
         self.flash.power_up(self)
         self._power_up()
 
@@ -123,15 +131,21 @@ class Controller:
         """Run `cycles` servo cycles; return the true machine positions (counts) of each motor that is awake."""
         if self.variables.i_revision != self._revision:
             self._follow_settings()
-        cycle_ms = self.cycle_ms
-        commands: dict[int, list[float]] = {}
-        for system in self._all_systems:
-            if system.busy:
-                commands.update(system.sample(cycles, cycle_ms))
-        if self.plcs.foreground:
-            return self._run_with_interrupts(cycles, cycle_ms, commands)
-        self.cycles += cycles
-        return {motor.number: motor.run(cycles, cycle_ms, commands.get(motor.number)) for motor in self._awake}
+        if not (self._leads.look() or self.gather.running or self.plcs.foreground):
+            return self._run(cycles, self.cycle_ms)
+        tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
+        done = 0
+        while done < cycles:
+            part = 1 if self._leads.look() or self.gather.running else cycles - done
+            interrupt = self.plcs.cycles_to_interrupt(self.cycles)
+            if self.plcs.foreground:
+                part = min(part, interrupt)
+            for number, track in self._run(part, self.cycle_ms).items():
+                tracks[number] += track
+            if part == interrupt:
+                self.plcs.scan_foreground()
+            done += part
+        return tracks
 
     def background(self) -> None:
         """Look at every motor and scan the PLCs, between two servo interrupts and in no fixed time.
@@ -265,7 +279,10 @@ class Controller:
         self.kill_all()
         for motor in self.motors.values():
             motor.reset()
+        self.watchdog_tripped = False
         self.open_buffer = None
+        self.gather.clear()
+        self.conversion.reset()
         self.host.reset()
         self.variables.replace_i(self._profile_i_variables if factory is None else factory)
         self._each(CoordinateSystem.reset)
@@ -273,37 +290,42 @@ class Controller:
             self.programs.clear()
             self.plcs.buffers.clear()
             self.variables.pointers.clear()
+            self.tables.clear()
             self.password.clear()
         else:
-            for definition in self._profile_definitions:
-                self.systems[1].define(definition.motor, definition)
+            self._define_axes()
             self.password.lock()
             self.flash.restore(self)
         self._power_up()
 
-    def _run_with_interrupts(
-        self, cycles: int, cycle_ms: float, commands: Mapping[int, Sequence[float]]
-    ) -> dict[int, list[float]]:
-        """Run a block in parts, with PLC 0 at the real-time interrupts; the commands of systems stay the same."""
-        tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
-        done = 0
-        while done < cycles:
-            interrupt = done + self.plcs.cycles_to_interrupt(self.cycles)
-            until = min(cycles, interrupt)
-            self.cycles += until - done
-            for motor in self._awake:
-                commanded = commands.get(motor.number)
-                part = None if commanded is None else commanded[done:until]
-                tracks[motor.number] += motor.run(until - done, cycle_ms, part)
-            if until == interrupt:
-                self.plcs.scan_foreground()
-            done = until
+    def _run(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
+        """Run servo cycles in which nothing leads anything, or a single one."""
+        leads = self._leads
+        if leads.active:
+            leads.begin_cycle()
+        commands: dict[int, list[float]] = {}
+        for system in self._all_systems:
+            if system.busy:
+                commands.update(system.sample(cycles, cycle_ms))
+        self.cycles += cycles
+        tracks = {}
+        for motor in self._awake:
+            if leads.active:
+                leads.correct(motor)
+            tracks[motor.number] = motor.run(cycles, cycle_ms, commands.get(motor.number))
+        if self.gather.running:
+            self.gather.sample()
         return tracks
 
     def _motor(self, number: int, behind: tuple[Axis, HomeSensor] | None) -> Motor:
         cycle_s = self.servo_period_ms / 1000.0
         axis, home = behind or (bare_axis(cycle_s), HomeSensor(period=INDEX_COUNTS))
         return Motor(number, self.variables, axis, home)
+
+    def _define_axes(self) -> None:
+        """Define the axes as the machine profile says."""
+        for definition in self._profile_definitions:
+            self.systems[1].define(definition.motor, definition)
 
     def _power_up(self) -> None:
         """Begin with the settings that there are: PLCs are on, the loops that Ix80 wants closed are closed."""

@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from pathlib import Path
 
+from drivers.errors import LinkError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.settings import settings_with
 from drivers.simulator.controller import Controller
-from drivers.simulator.home_sensor import HomeSensor
-from drivers.simulator.plant.axis import IdealAxis, LinearMotor
-from drivers.simulator.plant.gauge import look_at, measure_released
+from drivers.simulator.drives import build_drives
+from drivers.simulator.faults.board import FaultBoard
+from drivers.simulator.faults.effects import Site
+from drivers.simulator.faults.lines import Lines
+from drivers.simulator.plant.collision import Collision
+from drivers.simulator.plant.inverter import InverterSpindle
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
-from drivers.simulator.plant.workpiece import Workpiece
 from drivers.simulator.port import Port
 from drivers.simulator.program_voice import speak
 from drivers.simulator.registers import CardMemory
 from drivers.simulator.saved_state import Flash
-from drivers.simulator.servo import Axis, ServoAxis, ServoGains
+from drivers.simulator.shop_floor import ShopFloor
 from drivers.simulator.shop_view import ShopView
+from drivers.simulator.watchdog import Background
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.problem import Problem
 from profiles.traces import Trace
-
-DAC_BITS = 32_768
-"""Full scale of the 16-bit output."""
-
-MotorVariable = Callable[[int, int], float]
-
-MID_LENGTH = 0
-"""The section in the middle of the cut, the one that is measured."""
 
 
 class SimulatedLathe:
@@ -56,20 +51,11 @@ class SimulatedLathe:
         self._true = true = true or ideal(machine)
         dialect = dialect or DIALECTS[machine.controller.family]
         variables = settings_with(machine.controller.variables, dialect)
-        self.tool = _tool_axis(machine, true, variables)
-        cycle_s = machine.controller.servo_period_ms / 1000.0
-        spindle_turn = float(machine.spindle.counts_per_rev)
-        spindle = IdealAxis(cycle_s, true.coast_s, origin=round(true.spindle_start_turns * spindle_turn))
-        carriage_origin = true.carriage_start_mm * machine.carriage.counts_per_mm
-        carriage = IdealAxis(cycle_s, true.coast_s, origin=carriage_origin)
-        axes: dict[int, tuple[Axis, HomeSensor]] = {
-            machine.tool.motor: (self.tool, HomeSensor()),
-            machine.spindle.motor: (spindle, HomeSensor(period=spindle_turn)),
-            machine.carriage.motor: (carriage, HomeSensor()),
-        }
+        self._drives = build_drives(machine, true, variables)
+        self.tool, self.spindle, self.carriage = self._drives.tool, self._drives.spindle, self._drives.carriage
         self.controller = Controller(
             variables,
-            axes,
+            self._drives.axes(),
             read_definitions(machine.controller.axis_definitions),
             machine.controller.servo_period_ms,
             dialect,
@@ -79,27 +65,44 @@ class SimulatedLathe:
         self._gains_revision = -1  # what was saved may be other gains than the profile's
         self.controller.variables.memory = CardMemory(self.controller)
         self._ports: list[Port] = []
-        self._part: Workpiece | None = None
-        self._released: Workpiece | None = None
-        self._nominal_radius_mm = 0.0
-        self._free_end_mm = true.jaw_face_mm
+        self.lines = Lines(now_s=self.now_s)
+        self._background = Background(self.controller, self.lines)
+        self.faults = FaultBoard(self._site())
+        self._floor = ShopFloor(machine, true, self._drives)
         self._debt_cycles = 0.0
 
     def connect(self) -> Port:
-        """Plug a host in."""
-        port = Port(self.controller)
+        """Plug a host in.
+
+        Raises:
+            LinkError: `link.refused`, the cable is cut.
+        """
+        if self.lines.cut:
+            raise LinkError(Problem(code="link.refused", where="memory", value="the cable is cut"))
+        port = Port(self.controller, self.lines)
         self._ports.append(port)
         return port
 
     def disconnect(self, port: Port) -> None:
-        """Unplug it."""
-        port.disconnect()
-        self._ports.remove(port)
+        """Unplug it, if it is not cut off already."""
+        if port in self._ports:
+            port.disconnect()
+            self._ports.remove(port)
 
     def attend(self, port: Port) -> None:
         """Let the card look at one host now, between two background cycles; no time passes."""
-        port.obey()
-        port.service()
+        if not self.lines.slow:
+            port.obey()
+            port.service()
+
+    def power_cycle(self) -> None:
+        """Switch the card off and on: a reset, and what hosts have sent is lost. Network boards are cut off."""
+        self._background.power_cycle()
+        for port in tuple(self._ports):
+            port.power_up()
+            if port.on_board:
+                self._cut_off(port)
+        self.faults.follow()
 
     def now_s(self) -> float:
         """Return the simulated time."""
@@ -114,50 +117,89 @@ class SimulatedLathe:
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for `job`."""
-        true, self._released = self._true, None
-        self._free_end_mm = true.jaw_face_mm - job.overhang_mm
-        middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
-        self._part = Workpiece(true.blank(job), (middle_mm,), true.wiper_land_mm)
-        self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
+        self._floor.mount(job)
 
     def measure(self) -> Trace:
-        """Release the part and take its trace in the middle of the cut; until another is clamped, once more."""
-        if self._part is not None:
-            self._part, self._released = None, self._part
-        if self._released is None:
-            raise RuntimeError("no part is mounted")
-        return measure_released(self._released, MID_LENGTH, self._nominal_radius_mm)
+        """Release the part and take its trace in the middle of the cut; until another is clamped, once more.
+
+        Raises:
+            RuntimeError: no part is mounted.
+        """
+        return self._floor.measure()
 
     def look(self) -> ShopView:
-        """Look at the chuck, as an operator does who knows nothing of counts and zeros.
+        """Look at the chuck, as an operator does who knows nothing of counts and zeros."""
+        machine, motors = self._machine, self.controller.motors
+        axes = (machine.tool, machine.spindle, machine.carriage)
+        tool, spindle, carriage = (motors[axis.motor].iron for axis in axes)
+        return self._floor.look(tool, spindle, carriage)
 
-        A chuck that was mounted as each job says has its jaw 1 at the index until a part was clamped.
+    @property
+    def collisions(self) -> tuple[Collision, ...]:
+        """What has met since the last blank was clamped, each kind of collision once."""
+        return self._floor.collisions
+
+    def set_spindle_rpm(self, rpm: float) -> None:
+        """Set a spindle on an inverter at the lathe: it ramps to `rpm`, positive in the direction of the cut.
+
+        Raises:
+            RuntimeError: the card drives this spindle, or it is not made for that speed.
         """
-        machine, true, part = self._machine, self._true, self._part
-        last = part or self._released
-        jaw_1_deg = last.blank.jaw_1_deg if last else true.jaw_1_deg or 0.0
-        return look_at(
-            part,
-            (self._free_end_mm, true.jaw_face_mm),
-            true.home_radius_mm - self._place(machine.tool.motor) / machine.tool.counts_per_mm,
-            self._place(machine.spindle.motor) / machine.spindle.counts_per_rev,
-            self._place(machine.carriage.motor) / machine.carriage.counts_per_mm,
-            jaw_1_deg,
+        most_rpm = self._machine.spindle.max_speed_rpm
+        if not abs(rpm) <= most_rpm:
+            raise RuntimeError(f"the spindle turns at most {most_rpm:g} rpm, not {rpm:g}")
+        self._inverter().set_rpm(rpm)
+
+    def stop_spindle(self) -> None:
+        """Switch a spindle on an inverter off at the lathe; it runs out.
+
+        Raises:
+            RuntimeError: the card drives this spindle.
+        """
+        self._inverter().switch_off()
+
+    def _inverter(self) -> InverterSpindle:
+        if self._drives.inverter is None:
+            raise RuntimeError("the controller drives this spindle: there is no inverter")
+        return self._drives.inverter
+
+    def _site(self) -> Site:
+        """Return what faults happen to."""
+        machine = self._machine
+        return Site(
+            controller=self.controller,
+            motors={
+                "tool": machine.tool.motor,
+                "spindle": machine.spindle.motor,
+                "carriage": machine.carriage.motor,
+            },
+            lines=self.lines,
+            background=self._background,
+            cut=self._cut_off_all,
         )
 
-    def _place(self, motor: int) -> float:
-        """Return where the iron of a motor is, in counts from its flag or index, wherever its zero is."""
-        moved = self.controller.motors[motor]
-        return moved.actual + moved.axis.origin
+    def _cut_off(self, port: Port) -> None:
+        """Unplug a host that has not gone, and that hears of it when it next tries."""
+        port.lost = True
+        self.disconnect(port)
+
+    def _cut_off_all(self) -> None:
+        for port in tuple(self._ports):
+            self._cut_off(port)
 
     def _run_block(self) -> None:
-        controller, machine = self.controller, self._machine
+        controller = self.controller
         if controller.variables.i_revision != self._gains_revision:
             self._gains_revision = controller.variables.i_revision
-            self.tool.set_gains(_gains(machine.tool.motor, controller.variables.motor))
+            self._drives.take_gains(controller.variables)
         tracks = controller.run_block(self._block)
-        if self._part is not None:
-            self._cut(self._part, tracks)
+        self._floor.pass_along(tracks, controller.now_ms)
+        self.faults.follow()
+        if self._background.comes():
+            self._run_background()
+
+    def _run_background(self) -> None:
+        controller = self.controller
         controller.background()
         # What programs and PLCs command comes first: a stop of a host in the same cycle has the last word.
         speak(controller, self._ports)
@@ -166,44 +208,3 @@ class SimulatedLathe:
             port.obey()
         for port in self._ports:
             port.service()
-
-    def _cut(self, part: Workpiece, tracks: dict[int, list[float]]) -> None:
-        machine = self._machine
-        tool, spindle, carriage = machine.tool, machine.spindle, machine.carriage
-        per_mm, home_mm = 1.0 / tool.counts_per_mm, self._true.home_radius_mm
-        per_turn, per_z = 1.0 / spindle.counts_per_rev, 1.0 / carriage.counts_per_mm
-        part.cut(
-            [home_mm - x * per_mm for x in tracks[tool.motor]],
-            [y * per_turn for y in tracks[spindle.motor]],
-            [z * per_z for z in tracks[carriage.motor]],
-        )
-
-
-def _tool_axis(machine: MachineProfile, true: TrueParameters, variables: dict[int, float]) -> ServoAxis:
-    tool = machine.tool
-    volt_per_bit = tool.dac_full_scale_v / DAC_BITS
-    motor = LinearMotor(
-        mass_kg=true.moving_mass_kg,
-        damping_n_s_per_m=true.damping_n_s_per_m,
-        force_n_per_bit=true.force_n_per_v * volt_per_bit,
-        peak_output_bits=math.floor(true.peak_command_v / volt_per_bit),
-        counts_per_m=tool.counts_per_mm * 1000.0,
-    )
-    gains = _gains(tool.motor, lambda number, suffix: variables.get(100 * number + suffix, 0.0))
-    cycle_s = machine.controller.servo_period_ms / 1000.0
-    return ServoAxis(motor, gains, cycle_s, origin=true.tool_start_mm * tool.counts_per_mm)
-
-
-def _gains(motor: int, variable: MotorVariable) -> ServoGains:
-    return ServoGains(
-        ix08=variable(motor, 8),
-        ix09=variable(motor, 9),
-        ix30=variable(motor, 30),
-        ix31=variable(motor, 31),
-        ix32=variable(motor, 32),
-        ix33=variable(motor, 33),
-        ix34=variable(motor, 34),
-        ix35=variable(motor, 35),
-        ix63=variable(motor, 63),
-        ix69=variable(motor, 69),
-    )

@@ -19,13 +19,14 @@ class Motor(MotorLoop):
     """A loop that is closed, opened, jogged and sent home.
 
     What is reported, and what a jog is told, has `bias` added to the counts of the loop, by which PSET and its
-    like have moved the zero of the axes.
+    like have moved the zero of the axes. `offset_following` keeps what is followed out of what is reported.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
         super().__init__(number, variables, axis, home)
         self.bias = 0.0
         self.variable_jog = 0.0
+        self.offset_following = False
 
     @property
     def activated(self) -> bool:
@@ -35,7 +36,8 @@ class Motor(MotorLoop):
     @property
     def position(self) -> float:
         """Actual position as it is reported."""
-        return read_encoder(self.actual) + self.bias
+        followed = self.superimposed if self.offset_following else 0.0
+        return read_encoder(self.actual) + self.bias - followed
 
     @property
     def positive_limit(self) -> bool:
@@ -88,7 +90,8 @@ class Motor(MotorLoop):
             self.enabled = True
             self._output = None
             self.fatal_error = self.amplifier_fault = False
-            self.desired, self.velocity = self.axis.close_loop(), 0.0
+            here = self.axis.close_loop()
+            self.desired, self.velocity = here - self.correction - self.superimposed, 0.0
             self._look_at_travel(self.encoder, self.guard)
 
     def kill(self) -> None:
@@ -101,7 +104,7 @@ class Motor(MotorLoop):
         """Start as at power-up: killed, not homed, and at position 0 wherever the iron is."""
         self.read_absolute_position()
         self.fatal_error = self.amplifier_fault = False
-        self.home_capture = self.variable_jog = 0.0
+        self.home_capture = self.variable_jog = self.correction = self.superimposed = 0.0
         self.stopped_at = None
         self.travel.reset()
         self._power_up_origin = self.axis.origin
@@ -154,7 +157,8 @@ class Motor(MotorLoop):
     def jog_by(self, distance: float, from_actual: bool = False, past_trigger: float | None = None) -> None:
         """Jog by `distance` counts from the commanded position, or from the actual one."""
         self.enable()
-        self._go_to((self.encoder if from_actual else self.desired) + distance, past_trigger)
+        here = self.encoder - self.correction - self.superimposed if from_actual else self.desired
+        self._go_to(here + distance, past_trigger)
 
     def jog_back(self) -> None:
         """Jog to where a stopped program left the motor, or else to where it stood before its last jog."""

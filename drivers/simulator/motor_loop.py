@@ -20,7 +20,11 @@ class MotorLoop:
 
     `enabled` is closed loop. `program_timer` is whether a coordinate system is playing a program with this motor.
     `stopped_at` is where a program that can be resumed has left the motor. `fault_input` is what the amplifier
-    says; somebody else sets it, as the pins of `travel`.
+    says; somebody else sets it, as the pins of `travel` and `index_lost`, that no home trigger is met.
+
+    The loop is told `desired`, with `correction` (of compensation tables, or whoever writes their register) and
+    `superimposed` (what is followed of a master and not yet part of `desired`) added to it, all in counts. `iron`
+    is where the axis is by its machine position, whatever the encoder says.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -35,11 +39,17 @@ class MotorLoop:
         self.desired = 0.0
         self.velocity = 0.0  # commanded, counts/ms
         self.actual = 0.0
+        self.correction = 0.0
+        self.superimposed = 0.0
+        self.iron = axis.origin
+        self.index_lost = False
         self.program_timer = False
         self.stopped_at: float | None = None
         self.travel = TravelLimits()
         self._output: float | None = None
         self._last_actual = 0.0
+        self._lost_counts = 0.0
+        self._losing = False
         self._variables = variables
         self._home = home
         self._jog = JogMotion(number, variables)
@@ -59,14 +69,24 @@ class MotorLoop:
         return float(read_encoder(self.actual))
 
     @property
+    def counter(self) -> float:
+        """What the encoder has counted since power-up, with the fraction of a count; homing leaves it alone."""
+        return self.actual + self.axis.origin - self._lost_counts
+
+    @property
+    def net_desired(self) -> float:
+        """What the loop is told to be, in counts."""
+        return self.desired + self.correction + self.superimposed
+
+    @property
     def encoder_step(self) -> float:
         """Actual velocity in counts per servo cycle."""
         return self.encoder - read_encoder(self._last_actual)
 
     @property
     def following_error(self) -> float:
-        """Commanded minus actual position in counts; 0 in open loop."""
-        return self.desired - self.encoder if self.enabled else 0.0
+        """What the loop is told minus actual position, in counts; 0 in open loop."""
+        return self.net_desired - self.encoder if self.enabled else 0.0
 
     @property
     def warning(self) -> bool:
@@ -97,21 +117,41 @@ class MotorLoop:
         Returns:
             The true machine position (counts) at each servo cycle.
         """
+        if self._losing or self.axis.encoder_lost:
+            self._count_losses()
+        added = self.correction + self.superimposed
         if not self.enabled:
             track = self.axis.coast(cycles) if self._output is None else self.axis.push(self._output, cycles)
-            self.desired, self.velocity = float(read_encoder(track[-1])), 0.0
+            self.velocity = 0.0
         else:
             commands = self._jog.sample(cycles, cycle_ms, self.desired) if commands is None else commands
-            track = self.axis.follow(commands)
+            track = self.axis.follow([command + added for command in commands] if added else commands)
             before = commands[-2] if cycles > 1 else self.desired
             self.desired, self.velocity = commands[-1], (commands[-1] - before) / cycle_ms
-        self._last_actual = track[-2] if cycles > 1 else self.actual
-        start, self.actual = self.actual + self.axis.origin, track[-1]
-        origin = self.axis.origin
+        start, origin = self.iron, self.axis.origin
         machine = [position + origin for position in track] if origin else track
+        self.iron = machine[-1]
+        self._last_actual = track[-2] if cycles > 1 else self.actual
+        if self._losing:
+            self._last_actual = self.actual
+        else:
+            self.actual = track[-1]
+        if not self.enabled:
+            self.desired = read_encoder(self.actual) - added
         if self._jog.stage is Stage.SEARCHING:
-            self._search(start, machine[-1])
+            self._search(start, self.iron)
         return machine
+
+    def passed_index(self, before: float, after: float) -> float | None:
+        """Return where the home trigger was met between two machine positions, if it was."""
+        return None if self.index_lost else self._home.passed(before, after)
+
+    def follow_master(self, counts: float, *, absorbing: bool) -> None:
+        """Go `counts` with a master; `absorbing` makes it the motor's own motion while nothing else moves it."""
+        self.superimposed += counts
+        if absorbing and not self.program_timer and self._jog.player is None:
+            self.desired += self.superimposed
+            self.superimposed = 0.0
 
     def look(self) -> Alarm | None:
         """Look at limits, following error and position, as the background does; say what calls for action."""
@@ -120,7 +160,7 @@ class MotorLoop:
             return None
         guard = self.guard
         here = read_encoder(self.actual)
-        error = abs(self.desired - here) if self.enabled else 0.0
+        error = abs(self.net_desired - here) if self.enabled else 0.0
         travel = self.travel
         if not guard.lowest <= here <= guard.highest or travel.concerned:
             self._look_at_travel(here, guard)
@@ -133,6 +173,15 @@ class MotorLoop:
         if heading and not self._jog.aborting and travel.bars(heading):
             return Alarm.TRAVEL
         return None
+
+    def _count_losses(self) -> None:
+        """While the encoder does not count, the reading stays; what was lost meanwhile stays lost."""
+        lost = self.axis.encoder_lost
+        if self._losing and not lost:
+            missed = self.iron - self.axis.origin - self.actual
+            self.axis.rebase(missed)
+            self._lost_counts += missed
+        self._losing = lost
 
     def _look_at_travel(self, here: float, guard: Guard) -> None:
         """Ix13 and Ix14 rest while the home trigger is being searched: where zero is, is not known then."""
@@ -150,7 +199,7 @@ class MotorLoop:
 
     def _search(self, start: float, end: float) -> None:
         """Capture the trigger, make it the home where it is one, and stop."""
-        trigger = self._home.passed(start, end)
+        trigger = self.passed_index(start, end)
         if trigger is None:
             return
         caught = trigger - self.axis.origin

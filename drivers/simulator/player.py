@@ -70,7 +70,9 @@ class Player:
     def sample(self, count: int, cycle_ms: float, rate_ms: float | None = None) -> list[list[float]]:
         """Return `count` positions for each motor, one servo cycle apart, the first one cycle from now.
 
-        `rate_ms` is the trajectory time that passes in a servo cycle; None is `cycle_ms`, real time.
+        `rate_ms` is the trajectory time that passes in a servo cycle; None is `cycle_ms`, real time. Below 0 it
+        goes back, but no further than to the start of the piece that is played: there the position waits until
+        the time has come again.
         """
         track: list[list[float]] = [[] for _ in self.position]
         rate_ms = cycle_ms if rate_ms is None else rate_ms
@@ -83,14 +85,16 @@ class Player:
                 # What is left of a servo cycle is worth more or less in a piece that passes at another rate.
                 self._elapsed_ms *= step_ms / before_ms
             before_ms = step_ms
-            room = (piece.duration_ms - self._elapsed_ms) / step_ms if step_ms else math.inf
+            room = (piece.duration_ms - self._elapsed_ms) / step_ms if step_ms > 0.0 else math.inf
             steps = left if room >= left else int(room)
             if steps:
                 start = self._elapsed_ms
                 times = [start + step_ms * k for k in range(1, steps + 1)]
+                self._elapsed_ms = times[-1]
+                if start < 0.0 or step_ms < 0.0:
+                    times = [max(time, 0.0) for time in times]
                 for positions, (c0, c1, c2, c3) in zip(track, piece.cubics, strict=True):
                     positions.extend([((c3 * t + c2) * t + c1) * t + c0 for t in times])
-                self._elapsed_ms = times[-1]
                 left -= steps
             if left:
                 self._finish(piece)

@@ -5,13 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Generator
 
+from drivers.errors import LinkError
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.simulator import replies
 from drivers.simulator.commands.line import answers, commands
 from drivers.simulator.context import Context
 from drivers.simulator.control_characters import ACTING, ACTIONS, CONTROL_X, REPORTING, STOPS
 from drivers.simulator.controller import Controller
+from drivers.simulator.faults.host_line import Carriage, Outbox
+from drivers.simulator.faults.lines import Lines
 from drivers.simulator.share import Share
+from profiles.problem import Problem
 
 CR = 0x0D
 BACKSPACE, REPEAT, SUM, RECALL = b"\x08", b"\t", b"\x0e", b"\x19"
@@ -48,9 +52,16 @@ _NO_TEXT = bytes(byte for byte in range(0x20) if byte not in (*_ANSWERED, *BACKS
 
 
 class Port:
-    """Bytes in, bytes out. `service` is called once a background cycle, and whenever something has come."""
+    """Bytes in, bytes out. `service` is called once a background cycle, and whenever something has come.
 
-    def __init__(self, controller: Controller) -> None:
+    `lines` is what lies between the card and its hosts. Once the line is `lost`, nobody hears of it any more.
+    `on_board` is whether an Ethernet board sits between this port and the line.
+    """
+
+    def __init__(self, controller: Controller, lines: Lines) -> None:
+        self.lines = lines
+        self.lost = self.on_board = False
+        self._way_in, self._way_out = Carriage(lines, inward=True), Carriage(lines, inward=False)
         self._controller = controller
         self._context = Context(controller)
         self._share = Share(controller)
@@ -62,23 +73,28 @@ class Port:
         self._running_line = b""
         self._last_line = b""
         self._overlong = False
-        self._outbox = bytearray()
+        self._outbox = Outbox(lines)
 
     @property
     def crowded(self) -> bool:
         """Whether more waits to be executed than there should."""
-        return len(self._fresh) + len(self._reports) + len(self._queue) >= INBOX_LIMIT
+        waiting = len(self._fresh) + len(self._reports) + len(self._queue)
+        return waiting + self._way_in.waiting >= INBOX_LIMIT
 
     @property
     def idle(self) -> bool:
         """Whether every line that has come is answered; half a line does not count."""
         if self._fresh or self._reports or self._running is not None:
             return False
+        if self._way_in.waiting or self._way_out.waiting:
+            return False
         return not any(part in self._queue for part in _ANSWERED)
 
     @property
     def ready(self) -> bool:
         """Whether `service` would get on with something before the next background cycle."""
+        if self.lines.silent or self.lines.slow:
+            return False
         return bool(self._fresh or self._waiting) and self._may_go_on()
 
     @property
@@ -92,19 +108,46 @@ class Port:
         return self._share.cycle_over
 
     def receive(self, data: bytes) -> None:
-        """Take bytes from the host."""
+        """Take bytes from the line of the host. A card that is shut down has nobody to read them.
+
+        Raises:
+            LinkError: `link.lost`, the cable is cut.
+        """
+        self._refuse_lost()
+        if self._way_in.clear:
+            self._fresh += data
+        elif not self.lines.dead:
+            self.type(b"".join(self._way_in.carry((data,))))
+
+    def type(self, data: bytes) -> None:
+        """Take bytes that are at the card already."""
         self._fresh += data
 
     def take_output(self) -> bytes:
-        """Return, and forget, what is to be sent to the host."""
-        data = bytes(self._outbox)
-        self._outbox.clear()
-        return data
+        """Return, and forget, what has arrived at the host.
+
+        Raises:
+            LinkError: `link.lost`, the cable is cut.
+        """
+        self._refuse_lost()
+        return b"".join(self._way_out.carry(self._outbox.take()))
+
+    def take_said(self) -> bytes:
+        """Return, and forget, what the card has said, before it is on the line of a host."""
+        return b"".join(self._outbox.take())
+
+    def power_up(self) -> None:
+        """Begin anew: nothing that came before is known."""
+        self._fresh.clear()
+        self._way_in.forget()
+        self._clear()
+        self._last_line = b""
+        self._context = Context(self._controller)
 
     def announce(self, said: bytes) -> None:
         """Tell the host something that it has not asked for. It comes between two replies, or is lost."""
-        if len(self._outbox) < ANNOUNCED_LIMIT:
-            self._outbox += said
+        if self._outbox.waiting < ANNOUNCED_LIMIT:
+            self._outbox.say(said)
 
     def disconnect(self) -> None:
         """The host is gone: a buffer that it left open is closed, so that others can work."""
@@ -116,7 +159,9 @@ class Port:
 
         They are done in their order. Reports beyond the share of the host wait, and only they.
         """
-        if not self._fresh:
+        if self._way_in.waiting:
+            self.type(b"".join(self._way_in.carry(())))
+        if not self._fresh or self.lines.silent:
             return
         fresh = bytes(self._fresh)
         self._fresh.clear()
@@ -134,11 +179,11 @@ class Port:
         """Act on control characters at once, then execute the next few lines."""
         self._share.follow()
         self.obey()
-        if not self._waiting:
+        if not self._waiting or self.lines.silent:
             self._share.end_turn()
             return
-        said = len(self._outbox)
-        while not self._share.turn_over and len(self._outbox) - said <= ANSWER_PER_TURN and self._may_go_on():
+        most = self._outbox.waiting + ANSWER_PER_TURN
+        while not self._share.turn_over and self._outbox.waiting <= most and self._may_go_on():
             if self._reports:
                 self._report()
             elif self._running is not None:
@@ -182,7 +227,7 @@ class Port:
         said = self._act(self._reports.pop(0)) or ""
         self._share.spend(max(_REPORT_WORK, len(said) // _REPORTED_A_VALUE), lines=1)
         if answers(self._context):
-            self._tell(said)
+            self._answer(said)
 
     def _act(self, code: int) -> str | None:
         if code in STOPS:
@@ -190,19 +235,23 @@ class Port:
         try:
             return ACTIONS[code](self._context)
         except PmacError as refusal:
-            self._outbox += replies.refused(refusal.code, replies.wording(self._controller.variables))
+            self._outbox.reply(end=replies.refused(refusal.code, replies.wording(self._controller.variables)))
             return None
 
     def _forget(self) -> None:
         """Control-X: nothing that came before it is done or answered any more."""
+        self._clear()
+        if self._controller.variables.i(63):
+            self._outbox.say(bytes((CONTROL_X,)))
+
+    def _clear(self) -> None:
         self._reports.clear()
         self._queue.clear()
         self._line.clear()
         self._running = None
-        self._outbox.clear()
+        self._outbox.forget()
+        self._way_out.forget()
         self._overlong = False
-        if self._controller.variables.i(63):
-            self._outbox.append(CONTROL_X)
 
     def _take_apart(self) -> None:
         """Add to the line up to its end, or to a control character that is about the line itself."""
@@ -214,10 +263,10 @@ class Port:
         if part == BACKSPACE:
             del self._line[-1:]
         elif part == SUM:
-            self._outbox.append(replies.checksum(self._line))
+            self._outbox.say(bytes((replies.checksum(self._line),)))
         elif part == RECALL:
             self._share.spend(len(self._last_line) // _REPORTED_A_VALUE)
-            self._tell(self._last_line.decode("latin-1"))
+            self._answer(self._last_line.decode("latin-1"))
         elif part == REPEAT and (self._line or self._context.fills_buffer):
             self._add(part)
         elif part:
@@ -254,7 +303,8 @@ class Port:
                 self._spend_work()
                 if self._share.work_over:
                     # What has been answered so far goes out; the rest of the line has its next turn.
-                    self._tell(*self._context.lines)
+                    how = replies.wording(self._controller.variables)
+                    self._outbox.begin(replies.data(self._context.lines, how))
                     self._context.lines.clear()
                     return
         except StopIteration as done:
@@ -272,11 +322,20 @@ class Port:
     def _end_line(self, refusal: PmacError | None, heard: bool) -> None:
         """Answer a line. I3, I4 and I6 may have been changed by this very line; the answer follows them."""
         how = replies.wording(self._controller.variables)
-        self._outbox += replies.data(self._context.lines, how)
+        data, summed = replies.data(self._context.lines, how), how.checksums
         if refusal is not None:
-            self._outbox += replies.refused(refusal.code, how)
+            self._outbox.reply(data, replies.refused(refusal.code, how), summed=summed)
         elif heard:
-            self._outbox += replies.accepted(self._running_line, how)
+            checksum = replies.line_checksum(self._running_line, how)
+            self._outbox.reply(data, how.acknowledgement, checksum, summed=summed)
+        else:
+            self._outbox.reply(data, summed=summed)
 
-    def _tell(self, *lines: str) -> None:
-        self._outbox += replies.data(lines, replies.wording(self._controller.variables))
+    def _answer(self, line: str) -> None:
+        """Answer a control character."""
+        how = replies.wording(self._controller.variables)
+        self._outbox.reply(replies.data((line,), how), summed=how.checksums)
+
+    def _refuse_lost(self) -> None:
+        if self.lost:
+            raise LinkError(Problem(code="link.lost", where="memory", value="the cable is cut"))

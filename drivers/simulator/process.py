@@ -98,6 +98,14 @@ class SimulatorProcess:
         """
         return ShopView(**self._ask("look"))
 
+    def fault(self, line: str) -> str:
+        """Ask for a fault, or about faults, in a line as on the control socket; return the lines of the answer.
+
+        Raises:
+            LinkError: `simulator.gone`; `simulator.refused`, with the allowed range.
+        """
+        return str(self._ask("fault", line=line)["said"])
+
     def close(self) -> None:
         """Ask it to end, and end it when it does not. Safe to call twice."""
         if not self._over:

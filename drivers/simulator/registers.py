@@ -56,6 +56,8 @@ READERS: Mapping[str, Value] = {
     "commanded": _position(lambda motor: motor.desired),
     "actual": _position(lambda motor: motor.encoder),
     "bias": _position(lambda motor: motor.bias),
+    "master": _position(lambda motor: motor.superimposed),
+    "compensation": _position(lambda motor: motor.correction),
     "target": _position(lambda motor: motor.desired),
     "following_error": _position(lambda motor: motor.following_error),
     "velocity": _of_motor(_velocity),
@@ -76,7 +78,8 @@ READERS: Mapping[str, Value] = {
 class CardMemory:
     """X and Y words of 24 bits, together a D word of 48; L words are numbers of their own beside them.
 
-    What is written to a register is lost, but for the position of a variable jog. Some words may be timers.
+    What is written to a register is lost, but for the position of a variable jog and a correction. Some words may
+    be timers, and some set up the encoder conversion table.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -123,6 +126,10 @@ class CardMemory:
         held = self._registers.get((space, address))
         if held is not None:
             return _whole(self._held(held)) & WORD
+        line = self._controller.conversion.line_at(address)
+        if line is not None:
+            conversion = self._controller.conversion
+            return conversion.word(line) if space == "Y" else conversion.result(line)
         if ("D", address) in self._registers:
             return self.double(address) >> (WORD_BITS if space == "X" else 0) & WORD
         if (space, address) in self._timers:
@@ -131,8 +138,11 @@ class CardMemory:
 
     def set_word(self, space: str, address: int, value: int) -> None:
         """Store the lowest 24 bits."""
+        line = self._controller.conversion.line_at(address)
         if (space, address) in self._timers:
             self._timers.write((space, address), float(_signed(value & WORD, WORD_BITS)))
+        elif line is not None and space == "Y":
+            self._controller.conversion.set_word(line, value)
         else:
             self._words[space, address] = value & WORD
 
@@ -145,6 +155,12 @@ class CardMemory:
 
     def set_double(self, address: int, value: int) -> None:
         """Store the lowest 48 bits."""
+        name, number = self._registers.get(("D", address), ("", 0))
+        if name == "compensation":
+            motor = self._controller.motors[number]
+            scale = motor.variable(8) * PARTS
+            motor.correction = _signed(value & _mask(DOUBLE_BITS), DOUBLE_BITS) / scale if scale else 0.0
+            return
         self.set_word("X", address, value >> WORD_BITS)
         self.set_word("Y", address, value)
 

@@ -67,9 +67,9 @@ def data(lines: Iterable[str], how: Wording) -> bytes:
     return bytes(said)
 
 
-def accepted(line: bytes, how: Wording) -> bytes:
-    """Return the acknowledgement of a line, and the checksum of the line itself."""
-    return how.acknowledgement + (bytes([checksum(line)]) if how.checksums else b"")
+def line_checksum(line: bytes, how: Wording) -> bytes:
+    """Return the checksum of a line that is accepted; it stands behind the acknowledgement."""
+    return bytes([checksum(line)]) if how.checksums else b""
 
 
 def refused(code: int, how: Wording) -> bytes:

@@ -64,6 +64,8 @@ def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
         "activated": motor.activated,
         "negative_limit": motor.negative_limit,
         "positive_limit": motor.positive_limit,
+        "following_enabled": motor.variable(6) != 0.0,
+        "following_offset": motor.offset_following,
         "open_loop": not motor.enabled,
         "move_timer_active": motor.program_timer or motor.jogging,
         "integration_mode": motor.variable(34) != 0.0,
@@ -129,6 +131,9 @@ def global_words(controller: Controller, *, all_cards: bool = False) -> tuple[in
     conditions = {
         "all_cards_addressed": all_cards,
         "this_card_addressed": not all_cards,
+        "gathering": controller.gather.running,
+        "compensation_on": bool(controller.variables.i(51) and controller.tables.tables),
+        "watchdog": controller.watchdog_tripped,
         "motion_buffer_open": opened is not None and opened.plc is None,
         "plc_buffer_open": opened is not None and opened.plc is not None,
     }

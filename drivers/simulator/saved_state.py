@@ -1,6 +1,6 @@
-"""What SAVE keeps: settings, definitions and programs, in memory or in a file that outlives the process.
+"""What SAVE keeps: settings, definitions, programs and tables, in memory or in a file that outlives the process.
 
-The values of P, Q and M are not among it. The file is JSON, written in one step.
+The values of P, Q and M are not among it, nor a table that is not full. The file is JSON, written in one step.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.pmac.axes import scan_definition
+from drivers.pmac.compensation.table_text import read_table, table_lines
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line
@@ -35,7 +36,11 @@ Texts = Mapping[str, tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SavedState:
-    """Everything as text, by its number; `axes` are definitions such as `#1->X` by coordinate system."""
+    """Everything as text, by its number; `axes` are definitions such as `#1->X` by coordinate system.
+
+    `tables` are the lines that send a compensation table, by its motor, `conversion` the changed words of the
+    encoder conversion table, by their line.
+    """
 
     family: str
     settings: Mapping[str, float]
@@ -43,6 +48,8 @@ class SavedState:
     axes: Texts
     programs: Texts
     plcs: Texts
+    tables: Texts
+    conversion: Mapping[str, int]
     password: str
 
 
@@ -107,6 +114,8 @@ def _taken(controller: Controller) -> SavedState:
         plcs=_texts(
             {number: map(format_plc_line, buffer.lines) for number, buffer in controller.plcs.buffers.items()}
         ),
+        conversion={str(line): word for line, word in controller.conversion.changed_words.items()},
+        tables=_texts({number: table_lines(table) for number, table in controller.tables.tables.items()}),
         password=controller.password.text,
     )
 
@@ -123,6 +132,9 @@ def _read(table: Mapping[str, Any]) -> SavedState:
         axes=_lists(table["axes"]),
         programs=_lists(table["programs"]),
         plcs=_lists(table["plcs"]),
+        # Files of cards that knew none of these have none.
+        tables=_lists(table.get("tables", {})),
+        conversion={str(int(line)): int(word) for line, word in table.get("conversion", {}).items()},
         password=str(table["password"]),
     )
 
@@ -151,6 +163,9 @@ def _put_back(state: SavedState, controller: Controller) -> None:
             controller.systems[int(number)].define(motor, scan_definition(scanner, motor))
     _refill(controller.programs, state.programs)
     _refill_plcs(controller.plcs, state.plcs)
+    motor_count = controller.dialect.motor_count
+    controller.tables.replace([read_table(lines, motor_count) for lines in state.tables.values()])
+    controller.conversion.reset({int(line): word for line, word in state.conversion.items()})
     controller.password = Password(state.password)
 
 

@@ -1,4 +1,7 @@
-"""The simulated card in real time, at any number of addresses: ASCII streams, Ethernet boards, a serial line."""
+"""The simulated card in real time, at any number of addresses: ASCII streams, Ethernet boards, a serial line.
+
+Faults are asked for at an address of their own.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from functools import partial
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress, TcpAddress
 from drivers.simulator.connection import Connection, PlainStream
+from drivers.simulator.control_address import PREFIX, ControlAddress
+from drivers.simulator.control_socket import listen_for_control
 from drivers.simulator.ethernet.board import Board
 from drivers.simulator.ethernet.session import EthernetSession
 from drivers.simulator.machine import SimulatedLathe
@@ -21,17 +26,22 @@ from profiles.problem import Problem
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listeners:
-    """Where hosts may connect: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board."""
+    """Where hosts may connect: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board.
+
+    `control` is where faults are asked for.
+    """
 
     tcp: TcpAddress | None = None
     ethernet: TcpAddress | None = None
     pty: bool = False
+    control: ControlAddress | None = None
 
 
 def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float = 1.0) -> None:
     """Serve until SIGINT, SIGTERM or SIGHUP; simulated time runs `speed` times as fast as real time.
 
-    Once all of them can be connected, `ready` is told each address, such as `tcp:127.0.0.1:1025`.
+    Once all of them can be connected, `ready` is told each address, such as `tcp:127.0.0.1:1025`; later, that of a
+    serial line that comes back under another name after its cable was cut.
 
     Raises:
         LinkError: `link.cannot_listen`.
@@ -43,7 +53,7 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
     ended = ending_signals()
     hosts: set[Host] = set()
     with ExitStack() as opened:
-        addresses = [address async for address in _listen(lathe, listeners, hosts, opened)]
+        addresses = [address async for address in _listen(lathe, listeners, hosts, opened, ready)]
         for address in addresses:
             ready(address)
         await keep_time(lathe, hosts, ended.wait(), speed=speed)
@@ -52,7 +62,11 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
 
 
 async def _listen(
-    lathe: SimulatedLathe, listeners: Listeners, hosts: set[Host], opened: ExitStack
+    lathe: SimulatedLathe,
+    listeners: Listeners,
+    hosts: set[Host],
+    opened: ExitStack,
+    ready: Callable[[str], None],
 ) -> AsyncIterator[str]:
     """Listen everywhere; yield the addresses that were bound. `opened` closes them."""
     board = Board()
@@ -63,12 +77,17 @@ async def _listen(
         yield await _bind("ethernet", listeners.ethernet, lambda: Connection(lathe, hosts, session), opened)
     if listeners.pty:
         try:
-            line = PtyHost(lathe)
+            line = PtyHost(lathe, lambda device: ready(str(SerialAddress(device=device))))
         except OSError as error:
             raise _refusal("pty", error) from error
         opened.callback(line.close)
         hosts.add(line)
         yield str(SerialAddress(device=line.device))
+    if listeners.control:
+        try:
+            yield await listen_for_control(lathe, listeners.control, opened)
+        except OSError as error:
+            raise _refusal(f"{PREFIX}{listeners.control}", error) from error
 
 
 async def _bind(kind: str, address: TcpAddress, connect: Callable[[], Connection], opened: ExitStack) -> str:

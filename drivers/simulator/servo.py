@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.simulator.plant.axis import LinearMotor
+from drivers.simulator.plant.driven_mass import DrivenMass
 from drivers.simulator.plant.encoder import read_encoder
+from drivers.simulator.plant.friction import DrySlide
 
 
 class Axis(Protocol):
     """What a motor of the simulated controller drives.
 
     Positions are motor counts; `origin` is the machine position of motor zero, so that homing can move the zero
-    without moving the iron.
+    without moving the iron. While `encoder_lost`, the encoder does not count and a closed loop sees its last
+    reading; while `jammed`, the iron stands still whatever the force.
     """
 
     origin: float
+    encoder_lost: bool
+    jammed: bool
 
     def close_loop(self) -> float:
         """Begin to hold the present position; return it as the commanded one, in motor counts."""
@@ -58,22 +63,26 @@ class ServoGains:
 
 
 class ServoAxis:
-    """The loop of one motor: encoder, PID, output limit and one cycle of output delay, round a linear motor.
+    """The loop of one motor: encoder, PID, output limit and one cycle of output delay, round a driven mass.
 
     It is stepped a block of servo cycles at a time, and carries the state of the iron with its own: position and
     speed are the only two numbers that pass between them in each cycle.
     """
 
-    def __init__(self, motor: LinearMotor, gains: ServoGains, cycle_s: float, origin: float = 0.0) -> None:
+    def __init__(self, mass: DrivenMass, gains: ServoGains, cycle_s: float, origin: float = 0.0) -> None:
         self.origin = origin
-        self._peak_bits = motor.peak_output_bits
-        self._plant = motor.held(cycle_s)
+        self.encoder_lost = False
+        self.jammed = False
+        self._peak_bits = mass.peak_output_bits
+        self._plant = mass.held(cycle_s)
+        self._slide = DrySlide(mass, cycle_s) if mass.friction else None
         self._x = 0.0  # counts
         self._v = 0.0  # counts/s
         self._force = 0.0  # output of the previous cycle, DAC bits
         self._command = 0.0
         self._command_step = 0.0
         self._encoder = 0.0
+        self._blind = False  # whether the encoder was lost when it was last read
         self._integral = 0.0
         self.set_gains(gains)
 
@@ -96,19 +105,28 @@ class ServoAxis:
 
     def close_loop(self) -> float:
         """Hold the present encoder position."""
-        self._encoder = self._command = read_encoder(self._x)
+        self._read()
+        self._command = self._encoder
         self._command_step = self._integral = self._force = 0.0
         return self._command
 
     def rebase(self, counts: float) -> None:
-        """Shift the motor's zero by `counts`."""
+        """Shift the motor's zero by `counts`.
+
+        An encoder that counts again goes on from its last reading: the zero moves, what was read does not.
+        """
         self.origin += counts
         self._x -= counts
+        if self._blind and not self.encoder_lost:
+            self._blind = False
+            return
         self._command -= counts
         self._encoder -= counts
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Close the loop over the block. The local names are for speed: this is the innermost loop of all."""
+        if self.encoder_lost or self.jammed or self._slide:
+            return self._follow_hindered(commands)
         x, v, force = self._x, self._v, self._force
         last, last_step, last_encoder = self._command, self._command_step, self._encoder
         integral, limit, read = self._integral, self._limit, read_encoder
@@ -141,27 +159,70 @@ class ServoAxis:
             force = output
         self._x, self._v, self._force = x, v, force
         self._command, self._command_step, self._encoder = last, last_step, last_encoder
-        self._integral = integral
+        self._integral, self._blind = integral, False
         return positions
 
     def push(self, output: float, cycles: int) -> list[float]:
         """Hold a share of Ix69, as far as the amplifier gives it, with the same delay as in closed loop."""
-        positions = []
-        x, v, force, plant = self._x, self._v, self._force, self._plant
-        held = max(-self._limit, min(output * self._full_output, self._limit))
-        for _ in range(cycles):
-            positions.append(x)
-            x, v = x + plant.glide * v + plant.push_x * force, plant.decay * v + plant.push_v * force
-            force = held
-        self._x, self._v, self._force = x, v, force
-        return positions
+        return self._drift(max(-self._limit, min(output * self._full_output, self._limit)), cycles)
 
     def coast(self, cycles: int) -> list[float]:
-        """Let the slide run out against its damping."""
+        """Let the mass run out against its damping and friction."""
+        self._force = 0.0
+        return self._drift(0.0, cycles)
+
+    def _drift(self, held: float, cycles: int) -> list[float]:
+        """Run in open loop."""
         positions = []
-        x, v, glide, decay = self._x, self._v, self._plant.glide, self._plant.decay
         for _ in range(cycles):
-            positions.append(x)
-            x, v = x + glide * v, decay * v
-        self._x, self._v, self._force = x, v, 0.0
+            positions.append(self._x)
+            self._read()
+            self._move()
+            self._force = held
         return positions
+
+    def _follow_hindered(self, commands: Sequence[float]) -> list[float]:
+        """Close the loop where something is the matter: the same, a cycle at a time."""
+        positions = []
+        for command in commands:
+            positions.append(self._x)
+            before = self._encoder
+            self._read()
+            output = self._respond(command, self._encoder - before)
+            self._move()
+            self._force = output
+        return positions
+
+    def _respond(self, command: float, encoder_step: float) -> float:
+        """Return the output of one cycle, in DAC bits, as `follow` calculates it."""
+        error, step = command - self._encoder, command - self._command
+        output = (
+            self._k_error * error
+            + self._k_velocity * step
+            + self._k_acceleration * (step - self._command_step)
+            + self._k_integral * self._integral
+            - self._k_damping * encoder_step
+        )
+        self._command, self._command_step = command, step
+        if abs(output) > self._limit:
+            return math.copysign(self._limit, output)
+        if self._integrate_in_motion or step == 0.0:
+            self._integral += error
+        return output
+
+    def _read(self) -> None:
+        """Read the encoder, unless it does not count."""
+        self._blind = self.encoder_lost
+        if not self._blind:
+            self._encoder = read_encoder(self._x)
+
+    def _move(self) -> None:
+        """Let the iron go on for a cycle under the force that it has."""
+        if self.jammed:
+            self._v = 0.0
+        elif self._slide:
+            self._x, self._v = self._slide.step(self._x, self._v, self._force)
+        else:
+            plant, v, force = self._plant, self._v, self._force
+            self._x += plant.glide * v + plant.push_x * force
+            self._v = plant.decay * v + plant.push_v * force

@@ -19,10 +19,11 @@ _WIDEST = I10_PER_MS - 1
 
 
 class TimeBase:
-    """What `%` asks for, what a feed hold makes of it, and the value that slews from one to the other.
+    """What is asked for, what a feed hold makes of it, and the value that slews from one to the other.
 
-    `percent` is the present value; at 100 a servo cycle is a servo cycle, as I10 states it. `real_time` is whether
-    that is so and stays so. A feed hold and the start after it slew at Ix95, everything else at Ix94.
+    `%` asks, or the source that Ix93 names instead, anew in each servo cycle. `percent` is the present value; at
+    100 a servo cycle is a servo cycle, as I10 states it. `real_time` is whether that is so and stays so. A feed
+    hold and the start after it slew at Ix95, everything else at Ix94.
     """
 
     def __init__(self, system: int, variables: VariableStore) -> None:
@@ -30,9 +31,15 @@ class TimeBase:
         self.holding = False
         self.real_time = True
         self._override = REAL_TIME_PERCENT
+        self._led: float | None = None
         self._resuming = False
         self._system = system
         self._variables = variables
+
+    @property
+    def led(self) -> bool:
+        """Whether another source than `%` says how fast time passes."""
+        return self._led is not None
 
     @property
     def steady(self) -> bool:
@@ -46,7 +53,9 @@ class TimeBase:
 
     @property
     def _goal(self) -> float:
-        return 0.0 if self.holding else self._override
+        if self.holding:
+            return 0.0
+        return self._override if self._led is None else self._led
 
     def set_override(self, percent: float) -> None:
         """Ask for another rate; above what the card can do it takes the highest, as the card does.
@@ -57,6 +66,11 @@ class TimeBase:
         if not (math.isfinite(percent) and percent >= 0.0):
             raise PmacError(ErrorCode.DATA_ERROR, f"%{percent}; from 0")
         self._override = min(percent, REAL_TIME_PERCENT * _WIDEST / self._units())
+        self._note()
+
+    def lead(self, units: int | None) -> None:
+        """Take what the source says of this servo cycle, 2^-23 ms; None gives it back to `%`."""
+        self._led = None if units is None else REAL_TIME_PERCENT * units / self._units()
         self._note()
 
     def hold(self) -> None:
@@ -74,13 +88,14 @@ class TimeBase:
         """Forget a hold, for a motion that is over: the next one begins at what `%` asks for."""
         if self.holding or self._resuming:
             self.holding = self._resuming = False
-            self.percent = self._override
+            self.percent = self._goal
             self._note()
 
     def reset(self) -> None:
         """Go back to real time, as at power-up."""
         self.holding = self._resuming = False
         self.percent = self._override = REAL_TIME_PERCENT
+        self._led = None
         self._note()
 
     def rate_ms(self, cycle_ms: float) -> float:
@@ -113,7 +128,7 @@ class TimeBase:
         self._note()
 
     def _note(self) -> None:
-        self.real_time = self.steady and self.percent == REAL_TIME_PERCENT
+        self.real_time = self._led is None and self.steady and self.percent == REAL_TIME_PERCENT
 
     def _units(self) -> int:
         """A servo cycle as I10 states it, in 2^-23 ms."""

@@ -19,7 +19,9 @@ DOCUMENTS = (
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "benchmarks/README.md",
+    "docs/faults.md",
     "docs/paper-program.md",
+    "docs/plant.md",
     "docs/pmac-emulation.md",
     "docs/screens.md",
 )

@@ -128,12 +128,12 @@ def test_wrong_usage_is_one_line_and_exit_2(console: Console, words: tuple[str, 
 def test_alone_it_prints_the_choices(console: Console) -> None:
     said = console()
     assert said.code == 2
-    for command in ("jobs", "preview", "program", "run", "simulator", "roundness"):
+    for command in ("jobs", "preview", "program", "run", "simulator", "fault", "roundness"):
         assert command in said.out
         assert command in said.err
 
 
-@pytest.mark.parametrize("command", ["jobs", "preview", "program", "run", "simulator", "roundness"])
+@pytest.mark.parametrize("command", ["jobs", "preview", "program", "run", "simulator", "fault", "roundness"])
 @pytest.mark.parametrize("language", ["en", "ko"])
 def test_every_command_explains_itself(console: Console, command: str, language: str) -> None:
     said = console(command, "--help", "--lang", language)

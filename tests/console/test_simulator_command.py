@@ -12,6 +12,7 @@ import pytest
 from console.cli.parser import DIALECTS as OFFERED
 from drivers.link.address import TcpAddress
 from drivers.pmac.dialect import DIALECTS
+from drivers.simulator.control_address import UnixAddress
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.server import Listeners
 
@@ -55,6 +56,35 @@ def test_each_listener_is_a_line(console: Console, served: list[tuple[Listeners,
     assert len(plain) == 2
     assert all(line.startswith("SIM ") for line in plain)
     assert plain[1].endswith("serial:/dev/pts/7")
+
+
+def test_where_faults_are_asked_for_is_no_listener_of_its_own(
+    console: Console, served: list[tuple[Listeners, float]]
+) -> None:
+    assert console("simulator", "--control", "tcp:127.0.0.1:0").code == 2
+    assert console("simulator", "--pty", "--control", "tcp:[::1]:5").code == 0
+    assert console("simulator", "--pty", "--control", "control:unix:/run/faults").code == 0
+    assert [listeners.control for listeners, _ in served] == [
+        TcpAddress(host="::1", port=5),
+        UnixAddress(path="/run/faults"),
+    ]
+
+
+@pytest.mark.parametrize("address", ["tcp:0.0.0.0:1", "tcp:192.168.1.5:1", "tcp:[::]:1", "tcp:lathe.example:1"])
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_faults_are_asked_for_on_this_machine_alone(
+    console: Console, served: list[tuple[Listeners, float]], address: str, language: str
+) -> None:
+    said = console("simulator", *TCP, "--control", address, "--lang", language)
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(word in said.err for word in ("--control", "127.0.0.1", "unix:PATH"))
+    assert served == []
+
+
+@pytest.mark.parametrize("address", ["", "tcp", "tcp:1", "unix:", "127.0.0.1:5", f"unix:/{'x' * 107}"])
+def test_what_is_no_address_for_faults_is_refused(console: Console, address: str) -> None:
+    said = console("simulator", *TCP, f"--control={address}")
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])

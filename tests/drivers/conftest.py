@@ -28,6 +28,7 @@ class Recorder:
 
     def __init__(self, axis: Axis) -> None:
         self._axis = axis
+        self.encoder_lost = self.jammed = False
         self.commands: list[float] = []
         self.positions: list[float] = []
 

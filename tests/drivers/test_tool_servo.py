@@ -8,13 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from drivers.simulator.plant.axis import IdealAxis, LinearMotor
+from drivers.simulator.plant.axis import IdealAxis
+from drivers.simulator.plant.driven_mass import linear_motor
 from drivers.simulator.servo import ServoAxis, ServoGains
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 MASS, DAMPING, FORCE_N_PER_V = 4.74, 201.6, 11.45 * 54.5
 BITS_PER_V = 32_768 / 10
-PLANT = LinearMotor(
+PLANT = linear_motor(
     mass_kg=MASS,
     damping_n_s_per_m=DAMPING,
     force_n_per_bit=FORCE_N_PER_V / BITS_PER_V,
@@ -189,7 +190,7 @@ def test_number_11_a_hundred_counts_of_error_are_36_6_bits() -> None:
 
     One newton a bit on one kilogramme, which does not come as far as half a count meanwhile.
     """
-    plant = LinearMotor(
+    plant = linear_motor(
         mass_kg=1.0, damping_n_s_per_m=0.01, force_n_per_bit=1.0, peak_output_bits=20_480, counts_per_m=1.0
     )
     alone = dict.fromkeys(("ix31", "ix32", "ix33", "ix35"), 0)

@@ -174,8 +174,10 @@ def test_a_part_is_high_where_the_jaws_really_are(
     assert np.cos(np.radians(3 * (crest_deg - 47.0))) == pytest.approx(1)
 
 
-def test_a_lathe_set_up_by_hand_is_off_in_chuck_angle_and_tool_tip_alone(machine: MachineProfile) -> None:
-    nominal = ideal(machine)
+def test_a_lathe_set_up_by_hand_is_off_in_chuck_angle_and_tool_tip_and_its_spindle_has_inertia(
+    machine: MachineProfile,
+) -> None:
+    nominal = replace(ideal(machine), ideal_spindle=False)
     angles, tips = [], []
     for seed in range(300):
         true = as_mounted(machine, Random(seed))

@@ -162,7 +162,7 @@ def test_a_file_of_another_family_is_refused(machine: MachineProfile, tmp_path: 
     with pytest.raises(ProfileError) as refused:
         wire(machine, PMAC, path)
     assert "turbo" in str(refused.value.problems[0].value)
-    assert wire(machine, TURBO, path).ask("I8191") == ["0"]
+    assert wire(machine, TURBO, path).ask("I8191") == ["$0"]
 
 
 def test_a_save_that_cannot_be_written_is_an_error_and_changes_nothing(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import pytest
 
 ANYWHERE = "127.0.0.1:0"
-LISTENERS = ("--tcp", "--ethernet", "--pty")
+LISTENERS = ("--tcp", "--ethernet", "--pty", "--control")
 END_TIMEOUT_S = 10.0
 
 
@@ -35,6 +35,10 @@ class Served:
     @property
     def ethernet(self) -> tuple[str, int]:
         return self._socket("ethernet")
+
+    @property
+    def control(self) -> str:
+        return self._where("control")
 
     def end(self, number: int = signal.SIGTERM) -> tuple[int, str, str]:
         """Send a signal; return the exit code and what was said since."""

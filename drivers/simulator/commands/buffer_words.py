@@ -20,7 +20,7 @@ from drivers.simulator import buffers
 from drivers.simulator.commands.handler import LINE_WORK, Handler, say
 from drivers.simulator.context import Context
 
-_NOT_HERE = ("GATHER", "GAT", "TRACE", "ROTARY", "ROT", "COMP", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")
+_NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")
 """Buffers that nothing here can define: there is never anything to delete."""
 
 
@@ -65,10 +65,6 @@ def _list_plc(scanner: Scanner, context: Context) -> None:
         raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
     context.work += len(buffer.lines) * LINE_WORK
     context.lines.extend(map(format_plc_line, buffer.lines))
-
-
-def _list_gather(_: Scanner, context: Context) -> None:
-    raise PmacError(ErrorCode.DATA_ERROR, "nothing is gathered")
 
 
 def _delete(scanner: Scanner, context: Context) -> None:
@@ -135,7 +131,6 @@ WORDS: dict[str, Handler] = {
     **dict.fromkeys(CLOSE, _close),
     **{f"LIST{word}": _list_program for word in PROGRAM},
     "LISTPLC": _list_plc,
-    **dict.fromkeys(("LISTGATHER", "LISTGAT"), _list_gather),
     "DELETE": _delete,
     **{f"DEL{target}": _abbreviated(target) for target in (*_NOT_HERE, "ALL", *PROGRAM, "PLC")},
     "SIZE": say(_size),

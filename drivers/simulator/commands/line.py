@@ -17,11 +17,13 @@ from drivers.simulator.commands import (
     addressing,
     buffer_words,
     card,
+    gather_words,
     identity,
     jogs,
     memory,
     status,
     systems,
+    table_words,
     values,
 )
 from drivers.simulator.commands.handler import Handler
@@ -37,10 +39,12 @@ _ALWAYS_ON_LINE: dict[str, Handler] = {
     **addressing.WORDS,
     **buffer_words.WORDS,
     **card.WORDS,
+    **gather_words.WORDS,
     **identity.WORDS,
     **memory.WORDS,
     **status.WORDS,
     **systems.WORDS,
+    **table_words.WORDS,
 }
 """Words that are never stored, not even while a buffer is open."""
 
@@ -115,6 +119,8 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
 
 
 def _command(scanner: Scanner, context: Context, *, first: bool) -> None:
+    if first and table_words.fill(scanner, context):
+        return
     if context.fills_buffer and not _IMMEDIATE.match(scanner.rest):
         word = scanner.take_word(_ALWAYS)
         if word is None:

@@ -25,6 +25,7 @@ from drivers.pmac.ethernet import (
 from drivers.simulator.connection import UNREAD_LIMIT
 from drivers.simulator.control_characters import CONTROL_X
 from drivers.simulator.ethernet.board import Board
+from drivers.simulator.faults.host_line import Carriage
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.port import INBOX_LIMIT, Port
 
@@ -46,6 +47,9 @@ class EthernetSession:
         """The port is the client's own, the board is everybody's."""
         self._lathe = lathe
         self._port = port
+        port.on_board = True
+        self._way_in = Carriage(port.lines, inward=True)
+        self._way_out = Carriage(port.lines, inward=False)
         self._board = board
         self._received = bytearray()
         self._incomplete = True
@@ -57,11 +61,13 @@ class EthernetSession:
     @property
     def crowded(self) -> bool:
         """Whether more waits to be answered than there should."""
-        return len(self._received) >= INBOX_LIMIT or self._port.crowded
+        return len(self._received) + self._way_in.waiting >= INBOX_LIMIT or self._port.crowded
 
     @property
     def busy(self) -> bool:
         """Whether the last turn left something that another one would get on with."""
+        if self._port.lines.silent:
+            return False
         if self._work is not None:
             return self._port.idle or self._port.ready
         return not (self._incomplete or self._held) or self._port.ready
@@ -69,18 +75,27 @@ class EthernetSession:
     @property
     def idle(self) -> bool:
         """Whether every request that has come is answered; a part of one does not count."""
+        if self._way_in.waiting or self._way_out.waiting:
+            return False
         return self._work is None and self._incomplete and self._port.idle
 
     def receive(self, data: bytes) -> None:
-        """Take bytes from the client."""
-        self._received += data
+        """Take bytes from the line of the client. A card that is shut down has nobody to read them."""
+        if not self._port.lines.dead:
+            self._received += b"".join(self._way_in.carry((data,)))
 
     def turn(self) -> list[bytes]:
-        """Get on with the requests; return the replies, each to be sent in one go.
+        """Get on with the requests; return what has arrived at the client, each item to be sent in one go.
 
         Raises:
             MalformedRequestError: what the client sends is no request.
         """
+        if self._port.lines.silent:
+            return []
+        self._received += b"".join(self._way_in.carry(()))
+        return self._way_out.carry(self._replies())
+
+    def _replies(self) -> list[bytes]:
         replies: list[bytes] = []
         try:
             while len(replies) < REQUESTS_PER_TURN and (reply := self._step()) is not None:
@@ -119,10 +134,10 @@ class EthernetSession:
     def _answer(self, request: Request) -> Steps:
         match request.code:
             case RequestCode.GETRESPONSE:
-                self._port.receive(_line_of(request))
+                self._port.type(_line_of(request))
                 return (yield from self._fetch(buffer_length, REPLY_LIMIT))
             case RequestCode.SENDLINE:
-                self._port.receive(_line_of(request))
+                self._port.type(_line_of(request))
             case RequestCode.GETBUFFER:
                 return (yield from self._fetch(buffer_length, request.wanted))
             case RequestCode.GETLINE:
@@ -169,7 +184,7 @@ class EthernetSession:
 
     def _type(self, data: bytes) -> Generator[None, None, None]:
         """Hand the card something and wait until every line is answered."""
-        self._port.receive(data)
+        self._port.type(data)
         self._listen()
         while not self._port.idle:
             yield
@@ -191,7 +206,7 @@ class EthernetSession:
     def _listen(self) -> None:
         """Let the card execute the next few lines, and keep what it says while there is room for it."""
         self._lathe.attend(self._port)
-        said = self._port.take_output()
+        said = self._port.take_said()
         if len(self._queue) <= UNREAD_LIMIT:
             self._queue += said
 

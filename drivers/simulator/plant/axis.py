@@ -1,49 +1,9 @@
-"""The iron of the axes: a linear motor that is pushed, and an ideal follower. Positions are motor counts."""
+"""An ideal follower, in place of an axis whose servo is of no interest. Positions are motor counts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ZeroOrderHold:
-    """One servo cycle of a mass under a force that is held through it, exact.
-
-    With x in counts, v in counts/s and the force in DAC bits, at the end of the cycle
-    x' = x + glide v + push_x force and v' = decay v + push_v force.
-    """
-
-    decay: float
-    glide: float
-    push_x: float
-    push_v: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinearMotor:
-    """A moving mass with viscous damping behind a current amplifier, as in Eq 9 and Table 4 of the paper."""
-
-    mass_kg: float
-    damping_n_s_per_m: float
-    force_n_per_bit: float
-    peak_output_bits: float
-    counts_per_m: float
-
-    def held(self, cycle_s: float) -> ZeroOrderHold:
-        """Return what a servo cycle of `cycle_s` does to it."""
-        rate = self.damping_n_s_per_m / self.mass_kg
-        decay = math.exp(-rate * cycle_s)
-        glide = (1.0 - decay) / rate
-        speed_per_bit = self.force_n_per_bit / self.damping_n_s_per_m * self.counts_per_m
-        return ZeroOrderHold(
-            decay=decay,
-            glide=glide,
-            push_x=(cycle_s - glide) * speed_per_bit,
-            push_v=(1.0 - decay) * speed_per_bit,
-        )
-
 
 OPEN_LOOP_COUNTS_PER_S = 100_000.0
 """Speed that a full open-loop output drives an ideal axis to, in the time constant with which it runs out."""
@@ -56,10 +16,15 @@ BARE_ORIGIN = 500.0
 
 
 class IdealAxis:
-    """An axis that is where it is told to be; switched off, it runs out with a time constant."""
+    """An axis that is where it is told to be; switched off, it runs out with a time constant.
+
+    It has no mass: jammed, it stands, and freed, it is at once where it is told to be.
+    """
 
     def __init__(self, cycle_s: float, coast_s: float, origin: float = 0.0) -> None:
         self.origin = origin
+        self.encoder_lost = False
+        self.jammed = False
         self._x = 0.0
         self._step = 0.0
         self._keep = math.exp(-cycle_s / coast_s)
@@ -77,6 +42,8 @@ class IdealAxis:
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Be where the commands say."""
+        if self.jammed:
+            return self._stand(len(commands))
         positions = list(commands)
         if positions:
             before = positions[-2] if len(positions) > 1 else self._x
@@ -85,6 +52,8 @@ class IdealAxis:
 
     def push(self, output: float, cycles: int) -> list[float]:
         """Approach the speed of an open-loop output."""
+        if self.jammed:
+            return self._stand(cycles)
         positions = []
         gained = (1.0 - self._keep) * self._full_step * output
         for _ in range(cycles):
@@ -96,6 +65,10 @@ class IdealAxis:
     def coast(self, cycles: int) -> list[float]:
         """Run out."""
         return self.push(0.0, cycles)
+
+    def _stand(self, cycles: int) -> list[float]:
+        self._step = 0.0
+        return [self._x] * cycles
 
 
 def bare_axis(cycle_s: float) -> IdealAxis:

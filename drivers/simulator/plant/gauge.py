@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from drivers.simulator.plant.collision import Collision
 from drivers.simulator.plant.workpiece import Workpiece
 from drivers.simulator.shop_view import ShopView
 from profiles.traces import Trace
@@ -21,11 +24,12 @@ def look_at(
     turns: float,
     z_mm: float,
     jaw_1_deg: float,
+    collisions: Sequence[Collision] = (),
 ) -> ShopView:
     """Return what is seen with the tool tip at radius `tip_mm` and Z `z_mm`, the spindle `turns` from its index.
 
     `length_mm` is where the part stands along Z, from its free end to the jaw faces; `jaw_1_deg` the spindle angle
-    at which jaw 1 meets the mark.
+    at which jaw 1 meets the mark; of `collisions` the last one is seen.
     """
     # To a hundredth first, so that -180.001 is seen as 180 and not as -180.
     past_deg = round(360.0 * turns - jaw_1_deg, 2) % 360.0
@@ -33,5 +37,7 @@ def look_at(
     if part is not None and length_mm[0] <= z_mm <= length_mm[1]:
         gap_mm = round(tip_mm - part.clamped_radius_mm(turns, z_mm), 3)
     return ShopView(
-        jaw_1_past_mark_deg=round(past_deg - 360.0 if past_deg > 180.0 else past_deg, 2), tool_gap_mm=gap_mm
+        jaw_1_past_mark_deg=round(past_deg - 360.0 if past_deg > 180.0 else past_deg, 2),
+        tool_gap_mm=gap_mm,
+        collision=collisions[-1].kind.value if collisions else None,
     )

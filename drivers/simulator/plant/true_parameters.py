@@ -6,15 +6,30 @@ iron has these. Where they differ there is something to find and to learn; by de
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from random import Random
 
+from drivers.simulator.plant.jaws import Jaws
 from drivers.simulator.plant.workpiece import Blank
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
 TIP_OFF_BY_UM = 300
 """How far from its nominal radius the tip of a tool may stand that was clamped by hand."""
+
+FRICTION_FOUND_AT_MM_PER_S = 100.0
+"""Peak speed of the sine at which dry friction and its viscous equivalent take the same energy: the fastest that
+the card lets the tool go. The paper does not say with which motion its damping was found."""
+
+POSITIONED_FRICTION_N = 0.1
+"""Dry friction that the published gains can still position against: a stuck tool waits for an integrator of 4.6 s.
+Roller guides have 2 to 5 N and need other gains."""
+
+COAST_S = 1.5
+
+SPINDLE_FRICTION_N_M = 0.005
+"""Dry friction of the bearings: without any, a spindle would creep for ever. Half a count of lag, no more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,14 +39,23 @@ class TrueParameters:
     `force_n_per_v` is the thrust for one volt of command, `peak_command_v` the command at which the amplifier
     has reached its peak current. `home_radius_mm` is the radius of the tool tip at the end of its travel,
     `jaw_face_mm` the Z position of the jaw faces, `wiper_land_mm` the length of the tool's flat along Z.
+    `damping_n_s_per_m` has all friction of the tool in it; `coulomb_friction_n` says how much of that is dry (see
+    `viscous_n_s_per_m`). A commutation that is `commutation_error_deg` off leaves the cosine of the thrust. The
+    scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`.
 
     `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
     is a chuck that was mounted as each job says. A part springs back by `lobe_factor` times what its job says;
-    without a `jaw_1_deg`, jaw 1 is at `jaw_offset_deg` behind the angle that the job gives.
+    without a `jaw_1_deg`, jaw 1 is at `jaw_offset_deg` behind the angle that the job gives. Jaw 1 presses by the
+    share `jaw_1_harder` more than the mean of all jaws. Each clamping has a force of its own, with a standard
+    deviation of the share `clamping_force_spread`, drawn from `clamping_seed`.
+
+    An `ideal_spindle` is where it is told to be; another has inertia, torque, drag and friction. Its encoder makes
+    `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and `ramp_rpm_per_s` are
+    of an inverter.
 
     The starts are where the machine was left standing, from its flags and its index: power-up tells the card
-    nothing about it. `coast_s` is the time constant with which spindle and carriage run out when their
-    amplifiers are switched off.
+    nothing about it. `coast_s` is the time constant with which the carriage and an ideal spindle run out when
+    their amplifiers are switched off.
     """
 
     moving_mass_kg: float
@@ -40,29 +64,81 @@ class TrueParameters:
     peak_command_v: float
     home_radius_mm: float
     jaw_face_mm: float
+    jaw_outer_radius_mm: float
     wiper_land_mm: float
+    spindle_inertia_kg_m2: float
+    spindle_peak_torque_n_m: float
+    spindle_drag_n_m_s_per_rad: float
+    spindle_friction_n_m: float = SPINDLE_FRICTION_N_M
+    slip_rpm: float = 0.0
+    ramp_rpm_per_s: float = 0.0
+    ideal_spindle: bool = True
+    belt_ratio: float = 1.0
+    coulomb_friction_n: float = 0.0
+    commutation_error_deg: float = 0.0
+    scale_error_um: float = 0.0
+    scale_period_um: float = 20.0
     lobe_factor: float = 1.0
     jaw_offset_deg: float = 0.0
     jaw_1_deg: float | None = None
+    jaw_1_harder: float = 0.0
+    clamping_force_spread: float = 0.0
+    clamping_seed: int = 0
     tool_start_mm: float = 1.0
     carriage_start_mm: float = 2.0
     spindle_start_turns: float = 0.3456
-    coast_s: float = 1.5
+    coast_s: float = COAST_S
 
-    def blank(self, job: Job) -> Blank:
-        """Return the blank that is clamped for a job."""
+    def __post_init__(self) -> None:
+        """Refuse a friction that is more than all damping.
+
+        Raises:
+            ValueError: `coulomb_friction_n` is too large.
+        """
+        if self.viscous_n_s_per_m < 0.0:
+            most_n = self.damping_n_s_per_m * math.pi * FRICTION_FOUND_AT_MM_PER_S / 1000.0 / 4.0
+            raise ValueError(f"coulomb_friction_n = {self.coulomb_friction_n:g} N; all damping is {most_n:.4g} N")
+
+    @property
+    def viscous_n_s_per_m(self) -> float:
+        """The damping of the tool without its dry friction.
+
+        A sine of peak speed V loses as much to a friction F as to a damping of 4 F / (pi V).
+        """
+        equivalent = 4.0 * self.coulomb_friction_n / (math.pi * FRICTION_FOUND_AT_MM_PER_S / 1000.0)
+        return self.damping_n_s_per_m - equivalent
+
+    @property
+    def thrust_n_per_v(self) -> float:
+        """What the commutation leaves of the thrust for one volt."""
+        return self.force_n_per_v * math.cos(math.radians(self.commutation_error_deg))
+
+    def scale_wrong_mm(self, tool_mm: float) -> float:
+        """Return how much further in the tool is than its scale says, at a place of its travel."""
+        return self.scale_error_um / 1000.0 * math.sin(2000.0 * math.pi * tool_mm / self.scale_period_um)
+
+    def blank(self, job: Job, force_factor: float = 1.0) -> Blank:
+        """Return the blank that is clamped for a job, with `force_factor` times the force that it asks for."""
         said_deg = job.lobe_phase_deg + self.jaw_offset_deg
+        lobe_um_pp = force_factor * self.lobe_factor * job.lobe_error_um_pp
+        jaws = Jaws(count=job.jaws, force_n=force_factor * job.chucking_force_n, first_harder=self.jaw_1_harder)
         return Blank(
             radius_mm=job.radius_mm,
-            lobe_um_pp=self.lobe_factor * job.lobe_error_um_pp,
+            lobe_um_pp=lobe_um_pp,
             jaws=job.jaws,
             jaw_1_deg=said_deg if self.jaw_1_deg is None else self.jaw_1_deg,
+            shift_um=jaws.shift_um,
+            oval_um=jaws.oval_share * 0.5 * lobe_um_pp,
         )
+
+    def force_factor(self, random: Random) -> float:
+        """Draw the force of a clamping, a share of what was asked for: its logarithm is normal, it is never 0."""
+        return math.exp(random.gauss(0.0, self.clamping_force_spread)) if self.clamping_force_spread else 1.0
 
 
 def ideal(machine: MachineProfile) -> TrueParameters:
-    """Return a lathe that is what its profile says."""
-    tool = machine.tool
+    """Return a lathe that is what its profile says; spindle and carriage are where they are told to be."""
+    tool, spindle = machine.tool, machine.spindle
     return TrueParameters(
         moving_mass_kg=tool.moving_mass_kg,
         damping_n_s_per_m=tool.damping_n_s_per_m,
@@ -70,18 +146,46 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         peak_command_v=tool.peak_current_a / tool.amplifier_gain_a_per_v,
         home_radius_mm=tool.home_radius_mm,
         jaw_face_mm=machine.carriage.jaw_face_mm,
+        # The centre of mass of a jaw is taken for its middle, and its inner end for the spindle axis.
+        jaw_outer_radius_mm=2.0 * machine.chuck.jaw_radius_mm,
         wiper_land_mm=tool.wiper_land_mm,
+        spindle_inertia_kg_m2=spindle.inertia_kg_m2,
+        spindle_peak_torque_n_m=spindle.peak_torque_n_m,
+        spindle_drag_n_m_s_per_rad=spindle.inertia_kg_m2 / COAST_S,
+        slip_rpm=spindle.slip_rpm or 0.0,
+        ramp_rpm_per_s=spindle.ramp_rpm_per_s or 0.0,
     )
 
 
 def as_mounted(machine: MachineProfile, random: Random) -> TrueParameters:
-    """Return an ideal lathe set up by hand: chuck at any angle, tool tip near its nominal radius.
+    """Return a lathe set up by hand: chuck at any angle, tool tip near its nominal radius, a spindle with inertia.
 
     That is what an alignment has to find: the angle in whole hundredths of a degree, the radius in whole um.
     """
     off_by_mm = random.randint(-TIP_OFF_BY_UM, TIP_OFF_BY_UM) / 1000.0
     return replace(
         ideal(machine),
+        ideal_spindle=False,
         jaw_1_deg=random.randrange(36_000) / 100.0,
         home_radius_mm=round(machine.tool.home_radius_mm + off_by_mm, 3),
+    )
+
+
+def realistic(machine: MachineProfile, random: Random) -> TrueParameters:
+    """Return a lathe that was set up by hand and is not new: everything is a little off.
+
+    The mass is 5 % over its nominal value, the inertia 20 %: what is fixed to them. Friction, commutation, scale,
+    jaws and the spread of the wrench are such as are usual on a lathe that is looked after.
+    """
+    mounted = as_mounted(machine, random)
+    return replace(
+        mounted,
+        moving_mass_kg=1.05 * mounted.moving_mass_kg,
+        coulomb_friction_n=POSITIONED_FRICTION_N,
+        commutation_error_deg=5.0,
+        scale_error_um=0.5,
+        jaw_1_harder=0.02,
+        clamping_force_spread=0.05,
+        clamping_seed=random.randrange(2**32),
+        spindle_inertia_kg_m2=1.2 * mounted.spindle_inertia_kg_m2,
     )

@@ -42,17 +42,22 @@ class Blank:
     """A clamped blank that was turned round before, as it really is (see `TrueParameters.blank`).
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws; `jaw_1_deg` the spindle angle of jaw 1.
+    Unequal jaws add `oval_um` twice a turn and `shift_um` once, both amplitudes that are highest at jaw 1.
     """
 
     radius_mm: float
     lobe_um_pp: float
     jaws: int
     jaw_1_deg: float
+    shift_um: float = 0.0
+    oval_um: float = 0.0
 
     def spring_back_um(self, angle_deg: Floats) -> Floats:
         """Return how much further out the released surface is than the clamped one."""
-        phase = np.radians(self.jaws * (angle_deg - self.jaw_1_deg))
-        return np.asarray(0.5 * self.lobe_um_pp * np.cos(phase), dtype=np.float64)
+        past_jaw = np.radians(angle_deg - self.jaw_1_deg)
+        lobe = 0.5 * self.lobe_um_pp * np.cos(self.jaws * past_jaw)
+        uneven = self.oval_um * np.cos(2.0 * past_jaw) + self.shift_um * np.cos(past_jaw)
+        return np.asarray(lobe + uneven, dtype=np.float64)
 
 
 class Workpiece:

@@ -1,0 +1,61 @@
+"""Where faults are asked for: `tcp:HOST:PORT` of this machine, or a socket in its file system, `unix:PATH`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import ip_address
+from typing import TypeAlias
+
+from drivers.errors import LinkError
+from drivers.link.address import TcpAddress, parse_host_port
+from profiles.problem import Problem
+
+PREFIX = "control:"
+"""What stands in front of such an address where it is told among others."""
+
+OK, REFUSED = "ok", "refused: "
+"""How the last line of each answer there begins."""
+
+LONGEST_PATH = 107
+"""Bytes of the path of a socket: one less than Linux has room for."""
+
+_FORM = "tcp:127.0.0.1:PORT | unix:PATH"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnixAddress:
+    """A socket in the file system."""
+
+    path: str
+
+    def __str__(self) -> str:
+        return f"unix:{self.path}"
+
+
+ControlAddress: TypeAlias = TcpAddress | UnixAddress
+
+
+def parse_control_address(text: str) -> ControlAddress:
+    """Read an address, with or without the word `control:` in front of it.
+
+    Raises:
+        LinkError: `link.bad_address`; `link.not_loopback`, it is on another machine, or could be met from one.
+    """
+    kind, _, rest = text.removeprefix(PREFIX).partition(":")
+    if kind == "tcp":
+        address = parse_host_port(rest)
+        if not _is_loopback(address.host):
+            raise LinkError(
+                Problem(code="link.not_loopback", value=address.host, limit="127.0.0.1, ::1, localhost")
+            )
+        return address
+    if kind != "unix" or not rest or not rest.isprintable() or len(rest.encode()) > LONGEST_PATH:
+        raise LinkError(Problem(code="link.bad_address", value=text, limit=_FORM))
+    return UnixAddress(path=rest)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

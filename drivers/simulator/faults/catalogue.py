@@ -1,0 +1,206 @@
+"""The faults that can be had, each with what it does and what it can be told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from drivers.simulator.faults.parameter import Parameter, Value, refusal
+
+AXES = ("tool", "spindle", "carriage")
+
+
+class Concerns(StrEnum):
+    """Whom a fault concerns."""
+
+    HOSTS = "every host"
+    MOTOR = "a motor"
+    CARD = "the card"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One fault. `moment` is whether it is over as soon as it has happened, so that it has no duration."""
+
+    name: str
+    does: str
+    concerns: Concerns
+    parameters: tuple[Parameter, ...] = ()
+    moment: bool = False
+
+    def settle(self, given: Mapping[str, Value]) -> dict[str, Value]:
+        """Return the value of each parameter, as it was given or by default.
+
+        Raises:
+            RefusedError: `simulator.fault`, one is not known or out of range.
+        """
+        known = {parameter.name: parameter for parameter in self.parameters}
+        for name in given:
+            if name not in known:
+                raise refusal(self.name, "parameter", name, ", ".join([*known, *(p.name for p in self.times)]))
+        values = {name: parameter.default for name, parameter in known.items() if parameter.default is not None}
+        return values | {name: known[name].check(value, self.name) for name, value in given.items()}
+
+    @property
+    def times(self) -> tuple[Parameter, ...]:
+        """When it happens, for how long, and how its chance is drawn."""
+        return (AFTER, SEED) if self.moment else (AFTER, FOR, SEED)
+
+
+AFTER = Parameter(
+    name="after", meaning="simulated time until it begins", unit="s", default=0.0, least=0.0, most=86_400.0
+)
+FOR = Parameter(
+    name="for",
+    meaning="simulated time until it is over; without it, it lasts until `clear`",
+    unit="s",
+    least=0.0,
+    above_least=True,
+    most=86_400.0,
+)
+SEED = Parameter(
+    name="seed", meaning="what its chance is drawn from", default=0.0, least=0.0, most=1e9, whole=True
+)
+
+_SHARE = Parameter(
+    name="share", meaning="share of the replies that is hit", default=1.0, least=0.0, above_least=True, most=1.0
+)
+_REPLIES = Parameter(
+    name="replies",
+    meaning="it is over after so many replies that it has hit; without it, there is no such end",
+    least=1.0,
+    most=1e6,
+    whole=True,
+)
+_HIT = (_SHARE, _REPLIES)
+
+
+def _motor(default: str) -> Parameter:
+    return Parameter(name="motor", meaning="the axis whose motor it is", default=default, choices=AXES)
+
+
+def _on_line(name: str, does: str, *parameters: Parameter) -> Fault:
+    return Fault(name=name, does=does, concerns=Concerns.HOSTS, parameters=parameters)
+
+
+def _on_motor(name: str, does: str, *parameters: Parameter) -> Fault:
+    return Fault(name=name, does=does, concerns=Concerns.MOTOR, parameters=parameters)
+
+
+_LINES = (
+    _on_line(
+        "split-segments",
+        "A reply arrives in pieces, with gaps between them.",
+        Parameter(name="pieces", meaning="pieces of a reply", default=2.0, least=2.0, most=100.0, whole=True),
+        Parameter(name="gap_ms", meaning="time between two", unit="ms", default=20.0, least=1.0, most=10_000.0),
+        *_HIT,
+    ),
+    _on_line("dropped-ack", "The acknowledgement at the end of a reply is lost.", *_HIT),
+    _on_line(
+        "late-reply",
+        "A reply comes late, and what is behind it with it.",
+        Parameter(name="delay_ms", meaning="how late", unit="ms", default=500.0, least=1.0, most=60_000.0),
+        *_HIT,
+    ),
+    _on_line("extra-line", "An empty line (CR) comes in front of a reply.", *_HIT),
+    _on_line("nul", "One NUL comes in place of a reply.", *_HIT),
+    _on_line(
+        "wrong-checksum", "The checksums of a reply are wrong, each by one; only with I4 = 1 it has any.", *_HIT
+    ),
+    _on_line("bare-bel", "A BEL without a text comes in place of a reply.", *_HIT),
+    _on_line("cut-cable", "Every connection is cut, and none can be made before it is over."),
+    _on_line(
+        "hang",
+        "The card neither reads nor answers while its motors go on. What came, stops too, it reads afterwards.",
+    ),
+    _on_line(
+        "9600-baud",
+        "The line carries 960 characters a second each way.",
+        Parameter(
+            name="baud", meaning="bits a second, 10 a character", default=9600.0, least=110.0, most=115_200.0
+        ),
+    ),
+)
+
+_MOTORS = (
+    _on_motor("encoder-loss", "The encoder counts no more: the loop sees its last reading.", _motor("tool")),
+    _on_motor("index-lost", "The home flag or index is never met.", _motor("spindle")),
+    _on_motor("amplifier-fault", "The amplifier reports a fault.", _motor("tool")),
+    _on_motor(
+        "limit",
+        "The limit switch at one end of travel is open.",
+        _motor("tool"),
+        Parameter(
+            name="direction",
+            meaning="the direction of travel that it bars",
+            default="positive",
+            choices=("positive", "negative"),
+        ),
+    ),
+    _on_motor(
+        "following-error-trip",
+        "The iron is jammed until the following error has tripped the motor.",
+        _motor("tool"),
+    ),
+    _on_motor(
+        "spindle-ripple",
+        "The true speed of the spindle swings about its mean, which no servo takes out.",
+        Parameter(
+            name="ripple_percent",
+            meaning="amplitude, of the mean speed",
+            unit="%",
+            default=5.0,
+            least=0.0,
+            above_least=True,
+            most=50.0,
+        ),
+        Parameter(name="per_turn", meaning="swings in a turn", default=2.0, least=1.0, most=100.0, whole=True),
+    ),
+)
+
+_CARD = (
+    Fault(
+        name="watchdog",
+        does="The watchdog trips: outputs off, not another word, until `power-cycle`.",
+        concerns=Concerns.CARD,
+        moment=True,
+    ),
+    Fault(
+        name="slow-background",
+        does="The background cycle (limits, stops, PLCs, replies) comes late; too late, and the watchdog trips.",
+        concerns=Concerns.CARD,
+        parameters=(
+            Parameter(
+                name="cycle_ms", meaning="background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0
+            ),
+        ),
+    ),
+    Fault(
+        name="stranger-writes",
+        does="Another host sends a line. What it answers is not heard here, and nothing is undone.",
+        concerns=Concerns.CARD,
+        parameters=(
+            Parameter(
+                name="line",
+                meaning="what it sends; without it, nine tenths of Ix30, the gain of the tool",
+                text=True,
+            ),
+        ),
+        moment=True,
+    ),
+)
+
+CATALOGUE: Mapping[str, Fault] = {fault.name: fault for fault in (*_LINES, *_MOTORS, *_CARD)}
+
+
+def find(name: str) -> Fault:
+    """Return the fault of a name.
+
+    Raises:
+        RefusedError: `simulator.fault`, there is none.
+    """
+    if name not in CATALOGUE:
+        shown = ascii(name)[1:-1][:40]
+        raise refusal(shown, "fault", shown, ", ".join(CATALOGUE))
+    return CATALOGUE[name]

@@ -1,0 +1,212 @@
+"""What each fault does to the simulated machine, and how it is undone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from random import Random
+from typing import TYPE_CHECKING, Protocol, TypeVar, cast
+
+from drivers.pmac.language.errors import PmacError
+from drivers.simulator.commands.line import execute
+from drivers.simulator.context import Context
+from drivers.simulator.faults.carrying import CARRIERS
+from drivers.simulator.faults.lines import Carrier, Chance, Lines, Spoiler
+from drivers.simulator.faults.parameter import Value
+from drivers.simulator.faults.spoiling import SPOILERS
+
+if TYPE_CHECKING:
+    from drivers.simulator.controller import Controller
+    from drivers.simulator.motor import Motor
+    from drivers.simulator.watchdog import Background
+
+GAIN = 30
+"""Ix30, the proportional gain."""
+
+
+_Item = TypeVar("_Item")
+
+
+class Rippling(Protocol):
+    """An axis whose true speed can swing."""
+
+    speed_ripple: float
+    ripple_per_turn: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """What faults happen to. `motors` are the numbers by axis name, `cut` cuts every connection that there is."""
+
+    controller: Controller
+    motors: Mapping[str, int]
+    lines: Lines
+    background: Background
+    cut: Callable[[], None]
+
+    def motor(self, values: Mapping[str, Value]) -> Motor:
+        """Return the motor that is meant."""
+        return self.controller.motors[self.motors[str(values["motor"])]]
+
+
+def _nothing() -> None:
+    pass
+
+
+def _never() -> bool:
+    return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """`begin` may be called again while it lasts. `over` is whether it has ended by itself."""
+
+    begin: Callable[[], None]
+    end: Callable[[], None] = _nothing
+    over: Callable[[], bool] = _never
+
+
+def effect_of(name: str, values: Mapping[str, Value], random: Random, site: Site) -> Effect:
+    """Return what the fault of a name does, with a value for each of its parameters."""
+    if name in SPOILERS or name in CARRIERS:
+        return _on_lines(name, values, random, site.lines)
+    return _EFFECTS[name](values, site)
+
+
+def _on_lines(name: str, values: Mapping[str, Value], random: Random, lines: Lines) -> Effect:
+    share, left = float(values.get("share", 1.0)), float(values.get("replies", math.inf))
+    chance = Chance(random=random, share=share, left=left)
+    if name in SPOILERS:
+        return _listed(Spoiler(spoil=SPOILERS[name], chance=chance), lines.spoilers, chance)
+    carry = CARRIERS[name](values)
+    # Both ways is the line itself; the other faults are of what the card sends.
+    return _listed(Carrier(carry=carry, chance=chance, both_ways="baud" in values), lines.carriers, chance)
+
+
+def _listed(item: _Item, listed: list[_Item], chance: Chance) -> Effect:
+    def begin() -> None:
+        if item not in listed:
+            listed.append(item)
+
+    return Effect(begin=begin, end=lambda: listed.remove(item), over=lambda: chance.left <= 0)
+
+
+def _cut_cable(_: Mapping[str, Value], site: Site) -> Effect:
+    def begin() -> None:
+        site.lines.cut = True
+        site.cut()
+
+    def end() -> None:
+        site.lines.cut = False
+
+    return Effect(begin=begin, end=end)
+
+
+def _hang(_: Mapping[str, Value], site: Site) -> Effect:
+    def switch(hung: bool) -> None:
+        site.lines.hung = hung
+
+    return Effect(begin=lambda: switch(True), end=lambda: switch(False))
+
+
+def _encoder_loss(values: Mapping[str, Value], site: Site) -> Effect:
+    axis = site.motor(values).axis
+
+    def switch(lost: bool) -> None:
+        axis.encoder_lost = lost
+
+    return Effect(begin=lambda: switch(True), end=lambda: switch(False))
+
+
+def _index_lost(values: Mapping[str, Value], site: Site) -> Effect:
+    def switch(lost: bool) -> None:
+        site.motor(values).index_lost = lost
+
+    return Effect(begin=lambda: switch(True), end=lambda: switch(False))
+
+
+def _amplifier_fault(values: Mapping[str, Value], site: Site) -> Effect:
+    def switch(faulty: bool) -> None:
+        site.motor(values).fault_input = faulty
+
+    return Effect(begin=lambda: switch(True), end=lambda: switch(False))
+
+
+def _limit(values: Mapping[str, Value], site: Site) -> Effect:
+    def switch(opened: bool) -> None:
+        travel = site.motor(values).travel
+        if values["direction"] == "positive":
+            travel.minus_pin = opened  # it is this pin that bars the positive direction
+        else:
+            travel.plus_pin = opened
+
+    return Effect(begin=lambda: switch(True), end=lambda: switch(False))
+
+
+def _jam(values: Mapping[str, Value], site: Site) -> Effect:
+    motor = site.motor(values)
+    axis = motor.axis
+    seen_sound = False
+
+    def switch(jammed: bool) -> None:
+        axis.jammed = jammed
+
+    def tripped() -> bool:
+        """A trip from before does not count."""
+        nonlocal seen_sound
+        seen_sound = seen_sound or not motor.fatal_error
+        return seen_sound and motor.fatal_error
+
+    return Effect(begin=lambda: switch(True), end=lambda: switch(False), over=tripped)
+
+
+def _ripple(values: Mapping[str, Value], site: Site) -> Effect:
+    axis = cast(Rippling, site.motor({"motor": "spindle"}).axis)
+
+    def swing(ripple: float) -> None:
+        axis.ripple_per_turn = int(values["per_turn"])
+        axis.speed_ripple = ripple
+
+    return Effect(begin=lambda: swing(float(values["ripple_percent"]) / 100.0), end=lambda: swing(0.0))
+
+
+def _watchdog(_: Mapping[str, Value], site: Site) -> Effect:
+    return Effect(begin=site.background.trip, over=lambda: not site.background.tripped)
+
+
+def _slow_background(values: Mapping[str, Value], site: Site) -> Effect:
+    slow_down = site.background.slow_down
+    return Effect(begin=lambda: slow_down(float(values["cycle_ms"])), end=lambda: slow_down(0.0))
+
+
+def _stranger(values: Mapping[str, Value], site: Site) -> Effect:
+    def write() -> None:
+        with suppress(PmacError):  # the stranger is told, and nobody else
+            execute(_line_of_stranger(values, site), Context(site.controller))
+
+    return Effect(begin=write, over=lambda: True)
+
+
+def _line_of_stranger(values: Mapping[str, Value], site: Site) -> str:
+    if "line" in values:
+        return str(values["line"])
+    variables, tool = site.controller.variables, site.motors["tool"]
+    index = variables.dialect.motor_index(tool, GAIN)
+    return f"I{index}={0.9 * variables.i(index):g}"
+
+
+_EFFECTS: Mapping[str, Callable[[Mapping[str, Value], Site], Effect]] = {
+    "cut-cable": _cut_cable,
+    "hang": _hang,
+    "encoder-loss": _encoder_loss,
+    "index-lost": _index_lost,
+    "amplifier-fault": _amplifier_fault,
+    "limit": _limit,
+    "following-error-trip": _jam,
+    "spindle-ripple": _ripple,
+    "watchdog": _watchdog,
+    "slow-background": _slow_background,
+    "stranger-writes": _stranger,
+}

@@ -1,0 +1,81 @@
+"""What lies between the card and its hosts: nothing, or what faults make of it; the same for every host."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from random import Random
+
+from drivers.simulator.faults.carrying import Carry, Piece, combine
+from drivers.simulator.faults.spoiling import Reply, Spoil
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Chance:
+    """Which replies a fault hits: a `share` of them, drawn in the order in which they leave, and `left` in all."""
+
+    random: Random
+    share: float = 1.0
+    left: float = math.inf
+
+    def hits(self) -> bool:
+        """Draw whether the next one is hit."""
+        if self.left <= 0 or self.random.random() >= self.share:
+            return False
+        self.left -= 1
+        return True
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Spoiler:
+    """A fault that spoils replies."""
+
+    spoil: Spoil
+    chance: Chance
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Carrier:
+    """A fault that holds bytes up; those of hosts, too, if it is `both_ways`."""
+
+    carry: Carry
+    chance: Chance
+    both_ways: bool = False
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Lines:
+    """The state of all lines.
+
+    `cut` is whether no host can be connected, `hung` whether the card neither reads nor answers, `dead` whether it
+    is shut down, `slow` whether it looks at its hosts in its background cycle only.
+    """
+
+    now_s: Callable[[], float]
+    cut: bool = False
+    hung: bool = False
+    dead: bool = False
+    slow: bool = False
+    spoilers: list[Spoiler] = field(default_factory=list)
+    carriers: list[Carrier] = field(default_factory=list)
+
+    @property
+    def silent(self) -> bool:
+        """Whether the card is not to be heard, whatever is sent."""
+        return self.hung or self.dead
+
+    def spoiled(self, reply: Reply) -> bytes:
+        """Return what is left of a reply."""
+        for spoiler in self.spoilers:
+            if spoiler.chance.hits():
+                reply = spoiler.spoil(reply)
+        return reply.sent
+
+    def carried(self, said: bytes, *, inward: bool) -> list[Piece]:
+        """Return the pieces in which bytes arrive."""
+        pieces = [Piece(data=said)]
+        for carrier in self.carriers:
+            if (carrier.both_ways or not inward) and carrier.chance.hits():
+                pieces = combine(pieces, carrier.carry)
+        return pieces

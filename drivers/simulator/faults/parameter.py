@@ -1,0 +1,78 @@
+"""What a fault can be told: one value each, with a unit, a default and a range, and how it is read from text."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from drivers.errors import RefusedError
+from profiles.problem import Problem
+
+Value: TypeAlias = float | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A number from `least` to `most`, one of `choices`, or with neither a text.
+
+    Without a `default` it need not be given; `meaning` says what happens then. With `above_least`, `least` itself
+    is not allowed.
+    """
+
+    name: str
+    meaning: str
+    unit: str = ""
+    default: Value | None = None
+    least: float = -math.inf
+    most: float = math.inf
+    above_least: bool = False
+    whole: bool = False
+    choices: tuple[str, ...] = ()
+    text: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """The range in words."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if self.text:
+            return "a line of printable characters"
+        bounds = f"{self.least:g} {'<' if self.above_least else '<='} {self.name}"
+        bounds += f" <= {self.most:g}" if math.isfinite(self.most) else ""
+        return f"{bounds}, whole" if self.whole else bounds
+
+    def check(self, value: Value, fault: str) -> Value:
+        """Return a value that is allowed, a number as `float`.
+
+        Raises:
+            RefusedError: `simulator.fault`, it is not.
+        """
+        fits = self._word(value) if self.text or self.choices else self._number(value)
+        if fits is None:
+            raise refusal(fault, self.name, _shown(value), self.allowed)
+        return fits
+
+    def _word(self, value: Value) -> str | None:
+        if not isinstance(value, str) or (self.choices and value not in self.choices):
+            return None
+        return value if value and value.isascii() and value.isprintable() else None
+
+    def _number(self, value: Value) -> float | None:
+        try:
+            number = float(value)
+        except ValueError:
+            return None
+        low_enough = number > self.least if self.above_least else number >= self.least
+        fits = math.isfinite(number) and low_enough and number <= self.most
+        return number if fits and not (self.whole and number != int(number)) else None
+
+
+def refusal(fault: str, key: str, value: str, limit: str) -> RefusedError:
+    """Return why a fault cannot be had: what was asked for, and what is allowed."""
+    return RefusedError(Problem(code="simulator.fault", where=fault, key=key, value=value, limit=limit))
+
+
+def _shown(value: Value) -> str:
+    """What was met, fit for one line."""
+    return f"{value:g}" if isinstance(value, float) else ascii(str(value))[1:-1]

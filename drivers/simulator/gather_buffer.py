@@ -1,0 +1,160 @@
+"""The buffer of data gathering: samples of registers, taken at the end of servo cycles, until they are listed.
+
+DEFINE GATHER reserves it, and alone puts the place where data are stored back to its beginning; GATHER goes on
+from that place. What is gathered, and how often, is read once, by GATHER.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from drivers.pmac.gathering import float48
+from drivers.pmac.gathering.gather import (
+    LONG_BITS,
+    is_due,
+    long_words_of,
+    padding_of,
+    selected_sources,
+    shifts_of,
+)
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.memory import WORD_BITS, Memory, Pointer
+from drivers.pmac.variables import VariableStore
+
+_LONG_BYTES = LONG_BITS // 8
+_WORD = (1 << WORD_BITS) - 1
+_LONG = (1 << LONG_BITS) - 1
+
+_Source = tuple[Pointer, Callable[[float], int], int]
+"""A register, what makes the bits of its value, and how far up they stand in a sample."""
+
+
+class GatherBuffer:
+    """A stretch of memory of `size` long words, 0 before it is defined; `running` while it is being filled."""
+
+    def __init__(self, variables: VariableStore) -> None:
+        """`variables` are those of the card: they say what is gathered, and have the memory that it is in."""
+        self._variables = variables
+        self._memory: Memory | None = None
+        self.running = False
+        self.size = 0
+        self._data = bytearray()
+        self._listable = False
+        self._sources: tuple[_Source, ...] = ()
+        self._padding = 0
+        self._sample_bytes = 0
+        self._period = 0
+        self._cycle = 0
+
+    @property
+    def defined(self) -> bool:
+        """Whether there is a buffer, filled or not."""
+        return self.size > 0
+
+    def define(self, long_words: int) -> None:
+        """DEFINE GATHER: reserve so many long words; data begin at the first one, and none can be listed any more.
+
+        Raises:
+            PmacError: 003, none at all; 007, it is being filled.
+        """
+        self._refuse_running("DEFINE GATHER")
+        if long_words < 1:
+            raise PmacError(ErrorCode.DATA_ERROR, f"a gather buffer of {long_words} long words; from 1")
+        self.clear()
+        self.size = long_words
+
+    def start(self) -> None:
+        """GATHER: begin with the next servo cycle, behind what is there already. While it runs, nothing changes.
+
+        Raises:
+            PmacError: 003, not defined, or nothing that could be gathered; 006, no room for one sample.
+        """
+        if self.running:
+            return
+        if not self.defined:
+            raise PmacError(ErrorCode.DATA_ERROR, "GATHER without a buffer; DEFINE GATHER first")
+        self._memory = self._variables.memory
+        settings, dialect = self._variables.settings(), self._variables.dialect
+        chosen = selected_sources(settings, dialect)
+        period = int(settings.get(dialect.gathering.period, 0))
+        if self._memory is None or not chosen or period < 0:
+            met = f"{len(chosen)} sources every {period} servo cycles"
+            raise PmacError(ErrorCode.DATA_ERROR, f"{met}: nothing that could be gathered")
+        self._lay_out(chosen)
+        if not self._has_room:
+            raise PmacError(ErrorCode.NO_ROOM, f"{self.size} long words are full; DEFINE GATHER begins anew")
+        self._period, self._cycle = period, 0
+        self._listable = self.running = True
+
+    def stop(self) -> None:
+        """ENDGATHER: what was gathered stays."""
+        self.running = False
+
+    def delete(self) -> None:
+        """DELETE GATHER.
+
+        Raises:
+            PmacError: 007, it is being filled.
+        """
+        self._refuse_running("DELETE GATHER")
+        self.clear()
+
+    def clear(self) -> None:
+        """Be no buffer any more, as after power-up."""
+        self.running = self._listable = False
+        self.size = 0
+        self._data.clear()
+
+    def sample(self) -> None:
+        """Take the sample of a servo cycle, if one is due; the last one for which there is room ends it."""
+        cycle = self._cycle
+        self._cycle = cycle + 1
+        if self._memory is None or not is_due(cycle, self._period):
+            return
+        read = self._memory.read
+        packed = self._padding
+        for pointer, bits_of, shift in self._sources:
+            packed |= bits_of(read(pointer)) << shift
+        self._data += packed.to_bytes(self._sample_bytes, "little")
+        if not self._has_room or not self._period:
+            self.running = False
+
+    def long_words(self, first: int = 0, count: int | None = None) -> list[int]:
+        """LIST GATHER: return `count` long words (all by default) from the one with the number `first`, from 0.
+
+        Raises:
+            PmacError: 003, nothing was gathered since the buffer was defined.
+        """
+        if not self._listable:
+            raise PmacError(ErrorCode.DATA_ERROR, "nothing is gathered")
+        begin = first * _LONG_BYTES
+        end = len(self._data) if count is None else min(len(self._data), begin + count * _LONG_BYTES)
+        places = range(begin, end, _LONG_BYTES)
+        return [int.from_bytes(self._data[place : place + _LONG_BYTES], "little") for place in places]
+
+    @property
+    def _has_room(self) -> bool:
+        return len(self._data) + self._sample_bytes <= self.size * _LONG_BYTES
+
+    def _lay_out(self, chosen: Sequence[Pointer]) -> None:
+        """Prepare what a sample needs: thousands are taken a second."""
+        shifts = shifts_of(chosen)
+        self._sources = tuple((source, _BITS[source.space], at) for source, at in zip(chosen, shifts, strict=True))
+        self._padding = padding_of(chosen)
+        self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
+
+    def _refuse_running(self, what: str) -> None:
+        if self.running:
+            raise PmacError(ErrorCode.BUFFER_IN_USE, f"{what} while data are gathered; ENDGATHER first")
+
+
+def _word(value: float) -> int:
+    return int(value) & _WORD
+
+
+def _long(value: float) -> int:
+    return int(value) & _LONG
+
+
+_BITS = {"X": _word, "Y": _word, "D": _long, "L": float48.encode}
+"""What makes the bits of the values of a memory space."""

@@ -1,0 +1,156 @@
+"""What must not meet on a lathe: the tool and a part that stands, too much of it, or the jaws.
+
+Iron that meets here goes on as the card commands. What a crash breaks is not simulated, that it happened is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from profiles.job import Job
+
+TOUCH_MM = 0.05
+"""How far into a standing part the tip may be: a touch that marks, and no crash."""
+
+TOOL_TAKES_MM = 1.0
+"""What the tool takes more than the cut of its job, on the radius. A choice, for an insert of a finishing cut."""
+
+MOST_FEED_MM_PER_TURN = 1.0
+"""The largest feed that a job may have. What enters material faster than that is no cut."""
+
+STANDS_TURNS = 1e-5
+"""A spindle that turns less than this in a servo cycle stands: 1.4 rpm at 442 us."""
+
+
+class CollisionKind(StrEnum):
+    """What met what."""
+
+    STANDING_PART = "standing_part"
+    """The tip went into the clamped surface while the spindle stood."""
+    END_FACE = "end_face"
+    """The tip went into material along Z faster than any feed."""
+    TOO_DEEP = "too_deep"
+    """The tip went deeper than the tool takes."""
+    THROUGH_WALL = "through_wall"
+    """The tip went through the wall into the bore."""
+    JAWS = "jaws"
+    """The tip went beyond the jaw faces, within the outer radius of the jaws."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Collision:
+    """One collision where it began: radius and Z of the tool tip, the spindle from its index, simulated time."""
+
+    kind: CollisionKind
+    radius_mm: float
+    z_mm: float
+    angle_deg: float
+    time_ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clamped:
+    """A blank in the chuck. `deepest_mm` is the least radius that the tool takes, `bore_mm` that of the wall."""
+
+    radius_mm: float
+    bore_mm: float
+    deepest_mm: float
+    free_end_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """Where the tip was: radius, spindle turns since the index and Z, one servo cycle apart up to `end_ms`."""
+
+    radius_mm: Sequence[float]
+    turns: Sequence[float]
+    z_mm: Sequence[float]
+    end_ms: float
+    cycle_ms: float
+
+
+SurfaceAt = Callable[[float, float], float]
+"""The radius of the clamped surface at a place: spindle turns and Z."""
+
+
+def clamped(job: Job, jaw_face_mm: float) -> Clamped:
+    """Return the blank of a job, clamped in front of the jaw faces."""
+    cut_mm = job.depth_of_cut_mm + job.lobe_amplitude_um / 1000.0
+    return Clamped(
+        radius_mm=job.radius_mm,
+        bore_mm=job.radius_mm - job.wall_thickness_mm,
+        deepest_mm=job.radius_mm - cut_mm - TOOL_TAKES_MM,
+        free_end_mm=jaw_face_mm - job.overhang_mm,
+    )
+
+
+class CollisionWatch:
+    """Finds each kind of collision once, from the clamping of a blank to that of the next."""
+
+    def __init__(self, jaw_face_mm: float, jaw_outer_mm: float) -> None:
+        self.found: tuple[Collision, ...] = ()
+        self._jaw_face_mm = jaw_face_mm
+        self._jaw_outer_mm = jaw_outer_mm
+        self._part: Clamped | None = None
+        self._surface_at: SurfaceAt = lambda turns, z_mm: 0.0
+        self._before: tuple[float, float] | None = None  # turns and Z of the last sample
+
+    def clamp(self, part: Clamped, surface_at: SurfaceAt) -> None:
+        """Begin anew with a blank, whose surface is asked for before a track has cut it."""
+        self._part, self._surface_at, self.found = part, surface_at, ()
+
+    def release(self) -> None:
+        """Take the part away."""
+        self._part = None
+
+    def look(self, track: Track) -> None:
+        """Look at a track, before it cuts."""
+        least_mm, part = min(track.radius_mm), self._part
+        if max(track.z_mm) > self._jaw_face_mm and least_mm <= self._jaw_outer_mm:
+            self._look_at_jaws(track)
+        if part is not None and least_mm < part.radius_mm - TOUCH_MM:
+            self._look_at_part(track, part)
+        self._before = (track.turns[-1], track.z_mm[-1])
+
+    def _look_at_jaws(self, track: Track) -> None:
+        for at, (radius_mm, z_mm) in enumerate(zip(track.radius_mm, track.z_mm, strict=True)):
+            if z_mm > self._jaw_face_mm and radius_mm <= self._jaw_outer_mm:
+                self._report(CollisionKind.JAWS, track, at)
+                return
+
+    def _look_at_part(self, track: Track, part: Clamped) -> None:
+        """The cheap questions first: in a cut, all of them are answered by the radius and the feed."""
+        turns_before, z_before = self._before or (track.turns[0], track.z_mm[0])
+        for at, radius_mm in enumerate(track.radius_mm):
+            turns, z_mm = track.turns[at], track.z_mm[at]
+            turned, fed_mm = abs(turns - turns_before), abs(z_mm - z_before)
+            turns_before, z_before = turns, z_mm
+            if radius_mm >= part.radius_mm - TOUCH_MM or not part.free_end_mm <= z_mm <= self._jaw_face_mm:
+                continue
+            if radius_mm < part.bore_mm:
+                self._report(CollisionKind.THROUGH_WALL, track, at)
+            if radius_mm < part.deepest_mm:
+                self._report(CollisionKind.TOO_DEEP, track, at)
+            stands, rushes = turned < STANDS_TURNS, fed_mm > MOST_FEED_MM_PER_TURN * turned
+            kind = CollisionKind.STANDING_PART if stands else CollisionKind.END_FACE
+            if (stands or rushes) and not self._knows(kind):
+                if radius_mm < self._surface_at(turns, z_mm) - TOUCH_MM:
+                    self._report(kind, track, at)
+
+    def _knows(self, kind: CollisionKind) -> bool:
+        return any(collision.kind is kind for collision in self.found)
+
+    def _report(self, kind: CollisionKind, track: Track, at: int) -> None:
+        if self._knows(kind):
+            return
+        after = len(track.radius_mm) - 1 - at
+        collision = Collision(
+            kind=kind,
+            radius_mm=track.radius_mm[at],
+            z_mm=track.z_mm[at],
+            angle_deg=360.0 * (track.turns[at] % 1.0),
+            time_ms=track.end_ms - after * track.cycle_ms,
+        )
+        self.found = (*self.found, collision)

@@ -1,0 +1,45 @@
+"""A mass that slides on dry guides: exact through a servo cycle, the stop and the start in it included."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from drivers.simulator.plant.driven_mass import DrivenMass
+
+
+class DrySlide:
+    """One servo cycle of a mass with viscous damping and Coulomb friction under a held force."""
+
+    def __init__(self, mass: DrivenMass, cycle_s: float) -> None:
+        self._one = replace(mass, acceleration_per_bit=1.0)
+        self._friction = mass.friction
+        self._per_bit = mass.acceleration_per_bit
+        self._cycle_s = cycle_s
+        self._whole = self._one.held(cycle_s)
+
+    def step(self, x: float, v: float, force: float) -> tuple[float, float]:
+        """Return position (counts) and speed (counts/s) a cycle later; `force` in DAC bits."""
+        drive, whole = force * self._per_bit, self._whole
+        if v == 0.0:
+            return self._from_rest(x, drive, self._cycle_s)
+        pull = drive - math.copysign(self._friction, v)
+        later = whole.decay * v + whole.push_v * pull
+        if later * v > 0.0:
+            return x + whole.glide * v + whole.push_x * pull, later
+        stops_s = min(self._time_to_rest(v, pull), self._cycle_s)
+        part = self._one.held(stops_s)
+        return self._from_rest(x + part.glide * v + part.push_x * pull, drive, self._cycle_s - stops_s)
+
+    def _from_rest(self, x: float, drive: float, left_s: float) -> tuple[float, float]:
+        """Stay, or break loose."""
+        if abs(drive) <= self._friction or left_s <= 0.0:
+            return x, 0.0
+        pull = drive - math.copysign(self._friction, drive)
+        part = self._one.held(left_s)
+        return x + part.push_x * pull, part.push_v * pull
+
+    def _time_to_rest(self, v: float, pull: float) -> float:
+        """Return when a speed is used up against a pull: v exp(-rt) + pull (1 - exp(-rt)) / r = 0."""
+        rate = self._one.damping_per_s
+        return -v / pull if rate == 0.0 else math.log1p(-rate * v / pull) / rate

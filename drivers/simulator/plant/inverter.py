@@ -1,0 +1,108 @@
+"""A conventional spindle: an induction motor on an inverter, switched and set at the lathe.
+
+The card reads its encoder and never closes its loop: what the card puts out goes nowhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drivers.simulator.plant.encoder import read_encoder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InductionDrive:
+    """The motor and its inverter, at the spindle.
+
+    `slip_rpm` is how far the motor falls behind its field at `peak_torque_n_m`, and less in proportion.
+    """
+
+    inertia_kg_m2: float
+    drag_n_m_s_per_rad: float
+    friction_n_m: float
+    peak_torque_n_m: float
+    ramp_rpm_per_s: float
+    slip_rpm: float
+
+
+class InverterSpindle:
+    """A spindle that turns as its inverter says, whatever the card commands.
+
+    `load_n_m` is the torque of the cut. Switched on while it runs out, the inverter catches it at its speed.
+    """
+
+    def __init__(self, drive: InductionDrive, counts_per_turn: float, cycle_s: float, origin: float) -> None:
+        self.origin = origin
+        self.encoder_lost = False
+        self.jammed = False
+        self.load_n_m = 0.0
+        self._drive = drive
+        self._counts_per_rad = counts_per_turn / (2.0 * math.pi)
+        self._cycle_s = cycle_s
+        self._x = 0.0  # counts
+        self._speed = 0.0  # rad/s
+        self._field = 0.0  # what the inverter puts out, rad/s
+        self._wanted: float | None = None  # rad/s; None is switched off
+
+    @property
+    def speed_rpm(self) -> float:
+        """How fast it really turns."""
+        return self._speed * 30.0 / math.pi
+
+    def set_rpm(self, rpm: float) -> None:
+        """Switch on and ramp to a speed; positive is the direction of the cut."""
+        if self._wanted is None:
+            self._field = self._speed
+        self._wanted = rpm * math.pi / 30.0
+
+    def switch_off(self) -> None:
+        """Let it run out."""
+        self._wanted = None
+
+    def close_loop(self) -> float:
+        """Return the present reading; there is no loop."""
+        return read_encoder(self._x)
+
+    def rebase(self, counts: float) -> None:
+        """Shift the motor's zero by `counts`."""
+        self.origin += counts
+        self._x -= counts
+
+    def follow(self, commands: Sequence[float]) -> list[float]:
+        """Turn; the commands go nowhere."""
+        return self.coast(len(commands))
+
+    def push(self, output: float, cycles: int) -> list[float]:
+        """Turn; the output goes nowhere."""
+        return self.coast(cycles)
+
+    def coast(self, cycles: int) -> list[float]:
+        """Turn as the inverter says, or run out."""
+        track = []
+        for _ in range(cycles):
+            before = self._speed
+            self._speed = self._next_speed()
+            self._x += 0.5 * (before + self._speed) * self._cycle_s * self._counts_per_rad
+            track.append(self._x)
+        return track
+
+    def _next_speed(self) -> float:
+        """Return the speed a cycle later: behind the field by the slip, or what drag and load leave of it."""
+        drive = self._drive
+        against_n_m = drive.friction_n_m + self.load_n_m
+        if self._wanted is None:
+            slower = self._speed * math.exp(-drive.drag_n_m_s_per_rad / drive.inertia_kg_m2 * self._cycle_s)
+            slower -= math.copysign(against_n_m / drive.inertia_kg_m2 * self._cycle_s, self._speed)
+            stopped = self.jammed or slower * self._speed <= 0.0
+            return 0.0 if stopped else slower
+        if self.jammed:
+            self._field = 0.0  # freed, it comes up again by the ramp
+            return 0.0
+        most = drive.ramp_rpm_per_s * math.pi / 30.0 * self._cycle_s
+        self._field += max(-most, min(self._wanted - self._field, most))
+        per_n_m = drive.slip_rpm * math.pi / 30.0 / drive.peak_torque_n_m
+        loaded = abs(self._field) - per_n_m * against_n_m
+        # The drag is a part of the load, and goes with the speed that comes out.
+        return math.copysign(max(loaded, 0.0) / (1.0 + per_n_m * drive.drag_n_m_s_per_rad), self._field)

@@ -1,0 +1,73 @@
+"""The spindle of a lathe, whatever drives it, with the unevenness of its turning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from drivers.simulator.plant.ripple import Ripple
+from drivers.simulator.servo import Axis
+
+
+class Spindle:
+    """An axis that turns: one of the drives, and a ripple on the way to the iron that its loop does not see.
+
+    `speed_ripple` is the share by which the speed swings about its mean, `ripple_per_turn` times a turn.
+    """
+
+    def __init__(self, drive: Axis, counts_per_turn: float) -> None:
+        self.drive = drive
+        self.speed_ripple = 0.0
+        self.ripple_per_turn = 2
+        self._ripple = Ripple(counts_per_turn)
+
+    @property
+    def origin(self) -> float:
+        """Machine position of motor zero."""
+        return self.drive.origin
+
+    @origin.setter
+    def origin(self, counts: float) -> None:
+        self.drive.origin = counts
+
+    @property
+    def encoder_lost(self) -> bool:
+        """Whether the encoder does not count."""
+        return self.drive.encoder_lost
+
+    @encoder_lost.setter
+    def encoder_lost(self, lost: bool) -> None:
+        self.drive.encoder_lost = lost
+
+    @property
+    def jammed(self) -> bool:
+        """Whether the iron stands still whatever the force."""
+        return self.drive.jammed
+
+    @jammed.setter
+    def jammed(self, jammed: bool) -> None:
+        self.drive.jammed = jammed
+
+    def close_loop(self) -> float:
+        """Begin to hold the present mean position; what it swings by is a following error."""
+        return self.drive.close_loop()
+
+    def rebase(self, counts: float) -> None:
+        """Shift the motor's zero by `counts`."""
+        self.drive.rebase(counts)
+
+    def follow(self, commands: Sequence[float]) -> list[float]:
+        """Run one servo cycle a command."""
+        return self._turned(self.drive.follow(commands))
+
+    def push(self, output: float, cycles: int) -> list[float]:
+        """Run in open loop."""
+        return self._turned(self.drive.push(output, cycles))
+
+    def coast(self, cycles: int) -> list[float]:
+        """Run with the amplifier off."""
+        return self._turned(self.drive.coast(cycles))
+
+    def _turned(self, track: list[float]) -> list[float]:
+        if not (self.speed_ripple or self._ripple.swings):
+            return track
+        return self._ripple.swing(track, self.origin, self.speed_ripple, self.ripple_per_turn)

@@ -1,0 +1,105 @@
+"""What happens at the chuck of the simulated lathe: a part is clamped, cut, run into, looked at and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from random import Random
+
+from drivers.simulator.drives import Drives
+from drivers.simulator.plant.collision import Collision, CollisionWatch, Track, clamped
+from drivers.simulator.plant.cutting_force import cutting_torque_n_m
+from drivers.simulator.plant.gauge import look_at, measure_released
+from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.workpiece import Workpiece
+from drivers.simulator.shop_view import ShopView
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.traces import Trace
+
+MID_LENGTH = 0
+"""The section in the middle of the cut, the one that is measured."""
+
+
+class ShopFloor:
+    """The chuck with what is in it. Places of the iron are counts from its flags and index."""
+
+    def __init__(self, machine: MachineProfile, true: TrueParameters, drives: Drives) -> None:
+        self._machine = machine
+        self._true = true
+        self._inverter = drives.inverter
+        self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
+        self._clampings = Random(true.clamping_seed)
+        self._watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
+        self._part: Workpiece | None = None
+        self._released: Workpiece | None = None
+        self._nominal_radius_mm = 0.0
+        self._free_end_mm = true.jaw_face_mm
+        self._torque_n_m = 0.0
+
+    @property
+    def collisions(self) -> tuple[Collision, ...]:
+        """What has met since the last blank was clamped, each kind once."""
+        return self._watch.found
+
+    def mount(self, job: Job) -> None:
+        """Clamp a new blank for `job`."""
+        true, self._released = self._true, None
+        self._free_end_mm = true.jaw_face_mm - job.overhang_mm
+        middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
+        blank = true.blank(job, true.force_factor(self._clampings))
+        self._part = Workpiece(blank, (middle_mm,), true.wiper_land_mm)
+        self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
+        self._torque_n_m = cutting_torque_n_m(job)
+        self._watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
+
+    def measure(self) -> Trace:
+        """Release the part and take its trace in the middle of the cut; until another is clamped, once more."""
+        if self._part is not None:
+            self._part, self._released = None, self._part
+            self._watch.release()
+        if self._released is None:
+            raise RuntimeError("no part is mounted")
+        return measure_released(self._released, MID_LENGTH, self._nominal_radius_mm)
+
+    def look(self, tool: float, spindle: float, carriage: float) -> ShopView:
+        """Look at the chuck with the axes where they are.
+
+        A chuck that was mounted as each job says has its jaw 1 at the index until a part was clamped.
+        """
+        last = self._part or self._released
+        return look_at(
+            self._part,
+            (self._free_end_mm, self._true.jaw_face_mm),
+            self._tips_mm((tool,))[0],
+            spindle * self._turns_per_count,
+            carriage / self._machine.carriage.counts_per_mm,
+            last.blank.jaw_1_deg if last else self._true.jaw_1_deg or 0.0,
+            self.collisions,
+        )
+
+    def pass_along(self, tracks: Mapping[int, Sequence[float]], end_ms: float) -> None:
+        """Let the tool go along the tracks of the motors: see what it meets, then cut."""
+        machine = self._machine
+        per_z = 1.0 / machine.carriage.counts_per_mm
+        track = Track(
+            radius_mm=self._tips_mm(tracks[machine.tool.motor]),
+            turns=[y * self._turns_per_count for y in tracks[machine.spindle.motor]],
+            z_mm=[z * per_z for z in tracks[machine.carriage.motor]],
+            end_ms=end_ms,
+            cycle_ms=machine.controller.servo_period_ms,
+        )
+        self._watch.look(track)
+        if self._part is None:
+            return
+        if self._inverter is not None:
+            in_part = self._free_end_mm <= track.z_mm[-1] <= self._true.jaw_face_mm
+            cutting = in_part and track.radius_mm[-1] < self._part.blank.radius_mm
+            self._inverter.load_n_m = self._torque_n_m if cutting else 0.0
+        self._part.cut(track.radius_mm, track.turns, track.z_mm)
+
+    def _tips_mm(self, counts: Sequence[float]) -> list[float]:
+        """Return the radius of the tool tip at what the scale of the tool says."""
+        true, per_mm, home_mm = self._true, 1.0 / self._machine.tool.counts_per_mm, self._true.home_radius_mm
+        if not true.scale_error_um:
+            return [home_mm - x * per_mm for x in counts]
+        return [home_mm - x * per_mm - true.scale_wrong_mm(x * per_mm) for x in counts]

@@ -1,0 +1,129 @@
+"""The compensation tables that a card holds, and the one that a host is filling.
+
+DEFINE COMP reserves the memory; the constants that the same host sends next are the entries. A table is there for
+the order of the memory as soon as it is defined, and corrects something when its last entry has come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from drivers.pmac.compensation.buffers import refuse_definition, refuse_deletion
+from drivers.pmac.compensation.table import CompensationTable, TableDefinition
+from drivers.pmac.language.errors import ErrorCode, PmacError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Unfilled:
+    """A table that still waits for entries of its `host`."""
+
+    definition: TableDefinition
+    host: object
+    entries: list[int] = field(default_factory=list)
+
+
+class TableMemory:
+    """`tables` are the complete ones, by the motor that they belong to; a change makes another mapping of them.
+
+    `revision` counts up with every change.
+    """
+
+    def __init__(self) -> None:
+        self.tables: Mapping[int, CompensationTable] = {}
+        self.revision = 0
+        self._unfilled: dict[int, _Unfilled] = {}
+        self._filling: _Unfilled | None = None
+
+    @property
+    def motors(self) -> frozenset[int]:
+        """The motors that have a table, complete or not."""
+        return frozenset((*self.tables, *self._unfilled))
+
+    @property
+    def entry_count(self) -> int:
+        """How many entries all tables have room for."""
+        return sum(self.definition(motor).entry_count for motor in self.motors)
+
+    def definition(self, motor: int) -> TableDefinition:
+        """Return the definition of a motor's table.
+
+        Raises:
+            PmacError: 003, it has none.
+        """
+        if motor in self._unfilled:
+            return self._unfilled[motor].definition
+        return self._table(motor).definition
+
+    def entries(self, motor: int) -> Sequence[int]:
+        """Return the entries of a motor's table, as many as have come.
+
+        Raises:
+            PmacError: 003, it has none.
+        """
+        return self._unfilled[motor].entries if motor in self._unfilled else self._table(motor).entries
+
+    def define(
+        self, definition: TableDefinition, host: object, buffers: Collection[str], room_entries: int
+    ) -> None:
+        """DEFINE COMP: the entries that `host` sends next are this table's; one that it left unfilled stays so.
+
+        Raises:
+            PmacError: those of `refuse_definition`.
+        """
+        refuse_definition(definition, self.motors, buffers, room_entries)
+        self._filling = self._unfilled[definition.motor] = _Unfilled(definition, host)
+        self.revision += 1
+
+    def is_filled_by(self, host: object) -> bool:
+        """Whether constants of a host are entries."""
+        return self._filling is not None and self._filling.host is host
+
+    def fill(self, entries: Sequence[int]) -> None:
+        """Take the next entries of the table that is being filled.
+
+        Raises:
+            PmacError: 003, more than it has room for; then none of them is taken.
+        """
+        filling = self._filling
+        if filling is None:
+            raise PmacError(ErrorCode.DATA_ERROR, "no table is being filled")
+        wanted = filling.definition.entry_count - len(filling.entries)
+        if len(entries) > wanted:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {wanted}")
+        filling.entries.extend(entries)
+        if len(entries) == wanted:
+            motor = filling.definition.motor
+            self.tables = {**self.tables, motor: filling.definition.filled(filling.entries)}
+            del self._unfilled[motor]
+            self._filling = None
+        self.revision += 1
+
+    def delete(self, motor: int, buffers: Collection[str]) -> None:
+        """DELETE COMP; without a table there is nothing to do.
+
+        Raises:
+            PmacError: those of `refuse_deletion`.
+        """
+        refuse_deletion(motor, self.motors, buffers)
+        unfilled = self._unfilled.pop(motor, None)
+        if unfilled is not None and unfilled is self._filling:
+            self._filling = None
+        self.tables = {number: table for number, table in self.tables.items() if number != motor}
+        self.revision += 1
+
+    def clear(self) -> None:
+        """Delete all tables."""
+        self.replace(())
+
+    def replace(self, tables: Iterable[CompensationTable]) -> None:
+        """Hold these tables and no others, as after a reset."""
+        self.tables = {table.definition.motor: table for table in tables}
+        self._unfilled.clear()
+        self._filling = None
+        self.revision += 1
+
+    def _table(self, motor: int) -> CompensationTable:
+        if motor not in self.tables:
+            raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} has no table")
+        return self.tables[motor]

@@ -1,0 +1,241 @@
+"""When faults begin and end, what is refused, and the lines of text in which they are asked for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.errors import RefusedError
+from drivers.simulator.channel import answer as answer_on_channel
+from drivers.simulator.faults.catalogue import CATALOGUE, Fault
+from drivers.simulator.faults.command import answer
+from drivers.simulator.faults.parameter import Parameter, Value
+from drivers.simulator.machine import SimulatedLathe
+from profiles.machine import MachineProfile
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "faults.md"
+CYCLE_S = 0.005
+ASKED_FOR = (
+    "split-segments dropped-ack late-reply extra-line nul wrong-checksum bare-bel cut-cable hang 9600-baud"
+    " encoder-loss index-lost amplifier-fault limit following-error-trip spindle-ripple watchdog slow-background"
+    " stranger-writes"
+).split()
+
+
+@pytest.fixture
+def lathe(machine: MachineProfile) -> SimulatedLathe:
+    return SimulatedLathe(machine)
+
+
+def names(lathe: SimulatedLathe) -> list[str]:
+    return [injected.name for injected in lathe.faults.active()]
+
+
+def problem_of(action: Callable[[], object]) -> tuple[str, str, str, str]:
+    with pytest.raises(RefusedError) as error:
+        action()
+    (problem,) = error.value.problems
+    assert problem.code == "simulator.fault"
+    return problem.where, problem.key, problem.value, problem.limit
+
+
+def test_the_catalogue_has_what_was_asked_for() -> None:
+    assert list(CATALOGUE) == ASKED_FOR
+
+
+@pytest.mark.parametrize("fault", CATALOGUE.values(), ids=CATALOGUE)
+def test_each_fault_begins_by_default_and_is_undone(lathe: SimulatedLathe, fault: Fault) -> None:
+    """So that there is none without an effect, nor one that stays."""
+    assert fault.does.endswith(".")
+    lathe.faults.inject(fault.name)
+    lathe.wait(0.02)
+    lathe.faults.clear()
+    lathe.power_cycle()
+    assert lathe.faults.active() == ()
+    port = lathe.connect()
+    port.receive(b"I3=2\rP1\r")
+    lathe.wait(0.02)
+    assert port.take_output().endswith(b"0\r\x06")
+    assert [motor.fault_input or motor.index_lost for motor in lathe.controller.motors.values()] == [False] * 8
+
+
+def test_a_fault_begins_and_ends_in_simulated_time(lathe: SimulatedLathe) -> None:
+    lathe.wait(1.0)
+    injected = lathe.faults.inject("amplifier-fault", after_s=0.2, for_s=0.3)
+    assert injected.begins_s == pytest.approx(1.2, abs=CYCLE_S)
+    assert injected.ends_s - injected.begins_s == pytest.approx(0.3)
+    motor = lathe.controller.motors[1]
+    there = []
+    for _ in range(140):
+        lathe.wait(CYCLE_S)
+        there.append((lathe.now_s(), motor.fault_input))
+    assert all(faulty == (injected.begins_s <= now_s < injected.ends_s) for now_s, faulty in there)
+    assert names(lathe) == []
+
+
+def test_several_are_listed_in_the_order_in_which_they_were_asked_for(lathe: SimulatedLathe) -> None:
+    lathe.faults.inject("nul", after_s=9)
+    lathe.faults.inject("hang", for_s=0.1)
+    lathe.faults.inject("limit")
+    assert names(lathe) == ["nul", "hang", "limit"]
+    lathe.wait(0.2)
+    assert names(lathe) == ["nul", "limit"]
+    lathe.faults.clear()
+    lathe.wait(10.0)
+    assert names(lathe) == []
+    assert lathe.lines.spoilers == []
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "key", "value", "limit"),
+    [
+        ("no-such", {}, "fault", "no-such", "split-segments, dropped-ack"),
+        ("hang", {"delay_ms": 3}, "parameter", "delay_ms", "after, for, seed"),
+        ("hang", {"after_s": -1}, "after", "-1", "0 <= after <= 86400"),
+        ("hang", {"for_s": 0}, "for", "0", "0 < for <= 86400"),
+        ("hang", {"for_s": float("nan")}, "for", "nan", "0 < for <= 86400"),
+        ("nul", {"seed": 0.5}, "seed", "0.5", "0 <= seed <= 1e+09, whole"),
+        ("nul", {"share": 0}, "share", "0", "0 < share <= 1"),
+        ("nul", {"share": "half"}, "share", "half", "0 < share <= 1"),
+        ("nul", {"replies": 1.5}, "replies", "1.5", "1 <= replies <= 1e+06, whole"),
+        ("limit", {"motor": "turret"}, "motor", "turret", "tool | spindle | carriage"),
+        ("limit", {"motor": 1}, "motor", "1", "tool | spindle | carriage"),
+        ("slow-background", {"cycle_ms": 9}, "cycle_ms", "9", "10 <= cycle_ms <= 10000"),
+        ("stranger-writes", {"line": "P1\r"}, "line", "P1\\r", "a line of printable characters"),
+        ("stranger-writes", {"line": ""}, "line", "", "a line of printable characters"),
+        ("watchdog", {"for_s": 1}, "parameter", "for", "after, seed"),
+    ],
+)
+def test_what_is_refused_says_what_with_which_value_and_what_is_allowed(
+    lathe: SimulatedLathe, name: str, given: dict[str, Any], key: str, value: str, limit: str
+) -> None:
+    where, met_key, met, allowed = problem_of(lambda: lathe.faults.inject(name, **given))
+    assert (where, met_key, met) == (name, key, value)
+    assert allowed.startswith(limit)
+    assert names(lathe) == []
+
+
+def parameters() -> list[tuple[Fault, Parameter]]:
+    return [(fault, one) for fault in CATALOGUE.values() for one in fault.parameters]
+
+
+@pytest.mark.parametrize(("fault", "parameter"), parameters(), ids=lambda item: item.name)
+def test_defaults_and_both_ends_of_each_range_are_allowed(fault: Fault, parameter: Parameter) -> None:
+    allowed: list[Value]
+    if parameter.choices or parameter.text:
+        allowed = [*(parameter.choices or ("P1=2",))]
+    else:
+        allowed = [parameter.most, *([] if parameter.above_least else [parameter.least])]
+        assert problem_of(lambda: parameter.check(parameter.most + 1, fault.name))
+        assert problem_of(lambda: parameter.check(parameter.least - 1, fault.name))
+    for value in allowed:
+        assert parameter.check(value, fault.name) == value
+    assert parameter.default is None or parameter.check(parameter.default, fault.name) == parameter.default
+
+
+def test_a_line_of_text_does_the_same_as_a_call(lathe: SimulatedLathe) -> None:
+    said = answer(lathe, "inject late-reply after=1.5 for=0.2 delay_ms=300 share=0.5 seed=3")
+    assert said.splitlines() == [
+        "late-reply delay_ms=300 share=0.5 seed=3, from 1.500 s to 1.700 s (waits)",
+        "ok",
+    ]
+    typed = lathe.faults.active()
+    lathe.faults.clear()
+    called = lathe.faults.inject("late-reply", after_s=1.5, for_s=0.2, delay_ms=300, share=0.5, seed=3)
+    assert typed == (called,)
+
+
+def test_the_words_of_the_control_socket(lathe: SimulatedLathe) -> None:
+    listed = answer(lathe, "list").splitlines()
+    assert [line.partition(":")[0] for line in listed] == [*ASKED_FOR, "ok"]
+    explained = answer(lathe, "help slow-background")
+    assert "cycle_ms (ms): background cycle; 10 <= cycle_ms <= 10000; default 50\n" in explained
+    assert answer(lathe, "active") == "ok\n"
+    assert answer(lathe, "inject stranger-writes 'line=P1=3 P2=4'").endswith("\nok\n")
+    assert answer(lathe, "inject watchdog").endswith("\nok\n")
+    assert answer(lathe, "active") == "watchdog seed=0, at 0.000 s\nok\n"
+    assert answer(lathe, "clear") == "ok\n"
+    assert lathe.controller.watchdog_tripped
+    assert answer(lathe, "power-cycle") == "ok\n"
+    assert answer(lathe, "active") == "ok\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("", "command '' is not possible; allowed: list | help NAME"),
+        ("inject", "command 'inject' is not possible; allowed: list | help NAME"),
+        ("list all", "command 'list all'"),
+        ("help me", "fault 'me' is not possible; allowed: split-segments, "),
+        ("inject hang for", "hang: setting 'for' is not possible; allowed: KEY=VALUE"),
+        ("inject hang for=1 for=2", "hang: setting 'for=2' is not possible; allowed: KEY=VALUE, each key once"),
+        ("inject hang after_s=1", "hang: parameter 'after_s' is not possible; allowed: after, for, seed"),
+        ("inject hang name=x self=y", "hang: parameter 'name' is not possible"),
+        ("inject nul share=2", "nul: share '2' is not possible; allowed: 0 < share <= 1; `help nul` tells more"),
+        ("inject hang 'for=1", "command 'inject hang 'for=1 (No closing quotation)' is not possible"),
+    ],
+)
+def test_a_line_that_cannot_be_done_is_refused_in_one_line_with_a_remedy(
+    lathe: SimulatedLathe, line: str, said: str
+) -> None:
+    told = answer(lathe, line)
+    assert told.startswith(f"refused: {said}")
+    assert told.count("\n") == 1
+    assert re.search(r"`(list|help [a-z-]+)` tells more\n$", told)
+    assert names(lathe) == []
+
+
+@given(st.text(max_size=60))
+def test_whatever_is_typed_there_is_one_verdict(line: str) -> None:
+    class Nobody:
+        """What is typed at random never gets as far as a machine."""
+
+        faults = None
+
+        def now_s(self) -> float:
+            return 0.0
+
+    lines = answer(Nobody(), f"bogus {line}").splitlines()  # type: ignore[arg-type]
+    assert len(lines) == 1
+    assert lines[0].startswith("refused: ")
+
+
+def test_the_private_channel_passes_lines_on(lathe: SimulatedLathe) -> None:
+    said = answer_on_channel(lathe, b'{"do": "fault", "line": "inject nul seed=4"}\n')
+    assert said["said"].endswith("until it is cleared\nok\n")
+    assert names(lathe) == ["nul"]
+    refused = answer_on_channel(lathe, b'{"do": "fault", "line": "inject lightning"}\n')
+    assert refused["refused"].startswith("fault 'lightning' is not possible; allowed: split-segments")
+
+
+def _rows() -> dict[str, list[str]]:
+    """The table of the document: what a fault does, whom it concerns, and what it can be told."""
+    found = re.findall(
+        r"^\| `([\w-]+)` \| (.*) \| (.*) \| (.*) \|$", DOCUMENT.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    return {name: rest for name, *rest in found}
+
+
+def _parameter_in_words(parameter: Parameter) -> str:
+    words = f"`{parameter.name}`: {parameter.allowed}".replace(" | ", ", ")
+    if parameter.default is None:
+        return words
+    shown = f"{parameter.default:g}" if isinstance(parameter.default, float) else parameter.default
+    return f"{words} ({shown})"
+
+
+def test_the_document_says_what_the_catalogue_says() -> None:
+    assert _rows() == {
+        fault.name: [
+            fault.does,
+            str(fault.concerns),
+            "; ".join(map(_parameter_in_words, fault.parameters)) or "-",
+        ]
+        for fault in CATALOGUE.values()
+    }

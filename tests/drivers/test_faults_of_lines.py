@@ -1,0 +1,237 @@
+"""Faults of the line, as a host meets them: the very bytes, and what the client makes of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.errors import LinkError, LinkTimeoutError
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.port import INBOX_LIMIT
+from profiles.machine import MachineProfile
+from tests.drivers.conftest import Bench
+from tests.drivers.wire_card import CYCLE_S, Wire, wire
+
+
+@pytest.fixture
+def card(machine: MachineProfile) -> Wire:
+    made = wire(machine)
+    made.tell("P1=25 P2=50")
+    return made
+
+
+def code_of(error: pytest.ExceptionInfo[LinkError]) -> str:
+    return error.value.problems[0].code
+
+
+@pytest.mark.parametrize(
+    ("fault", "values", "refused"),
+    [
+        ("dropped-ack", b"25\r50\r", b"\x07ERR003\r"),
+        ("extra-line", b"\r25\r50\r\x06", b"\r\x07ERR003\r"),
+        ("nul", b"\0", b"\0"),
+        ("bare-bel", b"\x07", b"\x07"),
+        ("wrong-checksum", b"25\r50\r\x06", b"\x07ERR003\r"),
+    ],
+)
+def test_a_spoiled_reply_byte_by_byte(card: Wire, fault: str, values: bytes, refused: bytes) -> None:
+    card.sim.faults.inject(fault)
+    assert card.raw("P1P2\r") == values
+    assert card.raw("UUU\r") == refused
+    card.sim.faults.clear()
+    assert card.raw("P1P2\r") == b"25\r50\r\x06"
+
+
+def test_a_wrong_checksum_is_that_of_the_data_and_that_of_the_line(card: Wire) -> None:
+    """The sums of "25 CR" (0x32 + 0x35 + 0x0D = 0x74) and of "P1" (0x50 + 0x31 = 0x81)."""
+    card.raw("I4=1\r")
+    assert card.raw("P1\r") == b"25\r\x74\x06\x81"
+    card.sim.faults.inject("wrong-checksum")
+    assert card.raw("P1\r") == b"25\r\x75\x06\x82"
+
+
+def test_a_reply_in_two_turns_is_spoiled_as_one(card: Wire) -> None:
+    """A thousand values are more than a card gets through in one go."""
+    card.tell("P0..1000=7")
+    card.sim.faults.inject("bare-bel")
+    card.port.receive(b"P0..1000 P0..1000 P0..1000 P0..1000\r")
+    said = b""
+    for _ in range(40):
+        card.sim.wait(CYCLE_S)
+        said += card.port.take_output()
+    assert said == b"\x07"
+
+
+def test_what_is_not_answered_is_not_spoiled_either(card: Wire) -> None:
+    card.raw("I3=0\r")
+    card.sim.faults.inject("nul")
+    assert card.raw("P3=1\r") == b""
+
+
+@pytest.mark.parametrize("fault", ["dropped-ack", "extra-line", "nul", "bare-bel"])
+def test_the_client_tells_of_a_spoiled_reply_and_goes_on_with_the_next(bench: Bench, fault: str) -> None:
+    bench.client.request("P1=25 P2=50")
+    bench.sim.faults.inject(fault, replies=1)
+    with pytest.raises(LinkError):
+        bench.client.numbers("P1", "P2")
+    assert bench.client.numbers("P2") == (50,)
+    assert bench.client.numbers("P1", "P2") == (25, 50)
+    assert bench.sim.faults.active() == ()
+
+
+def test_the_client_takes_a_reply_in_pieces(bench: Bench) -> None:
+    bench.client.request("P1=1234567 P2=50")
+    bench.sim.faults.inject("split-segments", pieces=5, gap_ms=30)
+    before_s = bench.sim.now_s()
+    assert bench.client.numbers("P1", "P2") == (1234567, 50)
+    # Four gaps; each of them ends with a background cycle of 5 ms.
+    assert 0.12 <= bench.sim.now_s() - before_s < 0.12 + 5 * CYCLE_S
+
+
+def test_the_pieces_leave_one_after_the_other(card: Wire) -> None:
+    card.sim.faults.inject("split-segments", pieces=3, gap_ms=50)
+    pieces = [card.raw("P1P2\r")]
+    for _ in range(40):
+        card.sim.wait(CYCLE_S)
+        pieces.append(card.port.take_output())
+    assert [piece for piece in pieces if piece] == [b"25", b"\r5", b"0\r\x06"]
+
+
+def test_a_reply_that_is_late_but_in_time_is_waited_for(bench: Bench) -> None:
+    bench.client.request("P1=25")
+    bench.sim.faults.inject("late-reply", delay_ms=500)
+    before_s = bench.sim.now_s()
+    assert bench.client.numbers("P1") == (25,)
+    assert 0.5 <= bench.sim.now_s() - before_s < 0.52
+
+
+def test_a_reply_that_is_too_late_is_told_and_forgotten_with_the_flush(bench: Bench) -> None:
+    bench.client.request("P1=25 P2=50")
+    bench.sim.faults.inject("late-reply", delay_ms=1000 * REPLY_TIMEOUT_S + 200, replies=1)
+    with pytest.raises(LinkTimeoutError):
+        bench.client.numbers("P1")
+    assert bench.client.numbers("P2") == (50,)
+    bench.sim.wait(0.5)
+    assert bench.client.numbers("P2") == (50,)
+
+
+def test_a_slow_line_takes_a_millisecond_a_character_each_way(bench: Bench) -> None:
+    """ "P1 P1 ... CR" is 60 characters, its reply 20 x "7 CR" and an ACK 41; at 9600 baud 960 of them a second."""
+    bench.client.request("P1=7")
+    bench.sim.faults.inject("9600-baud")
+    before_s = bench.sim.now_s()
+    assert bench.client.numbers(*["P1"] * 20) == (7,) * 20
+    assert bench.sim.now_s() - before_s == pytest.approx(101 / 960, abs=3 * CYCLE_S)
+
+
+def test_a_stop_waits_behind_what_is_on_a_slow_line(closed: Bench) -> None:
+    closed.sim.faults.inject("9600-baud")
+    closed.port.receive(b"P1=1\r" * 96)  # half a second of line
+    closed.port.receive(b"\x0b")
+    closed.sim.wait(0.45)
+    assert closed.sim.controller.motors[1].enabled
+    closed.sim.wait(0.1)
+    assert not closed.sim.controller.motors[1].enabled
+
+
+def test_a_hanging_card_hears_no_stop_while_its_motors_go_on(closed: Bench) -> None:
+    closed.client.request("#3J+")
+    closed.sim.wait(0.5)
+    motor = closed.sim.controller.motors[3]
+    closed.sim.faults.inject("hang", for_s=0.5)
+    where = motor.actual
+    closed.port.receive(b"\x01")
+    closed.sim.wait(0.49)
+    assert closed.port.take_output() == b""
+    assert motor.jogging
+    assert abs(motor.actual - where) > 1000, "10 counts/ms, for most of half a second"
+    closed.sim.wait(0.05)
+    assert not motor.jogging or motor.aborting, "it is heard as soon as the card reads again"
+
+
+def test_the_client_is_silent_about_nothing_while_the_card_hangs(bench: Bench) -> None:
+    bench.sim.faults.inject("hang", for_s=REPLY_TIMEOUT_S + 1)
+    with pytest.raises(LinkTimeoutError) as silent:
+        bench.client.request("P1=26")
+    assert code_of(silent) == "link.silent"
+    bench.sim.wait(1.5)
+    bench.client.connect()
+    assert bench.client.numbers("P2") == (0,)
+
+
+def test_a_hanging_card_holds_back_who_floods_it(card: Wire) -> None:
+    card.sim.faults.inject("hang")
+    card.port.receive(b"P" * INBOX_LIMIT)
+    assert card.port.crowded
+    assert not card.port.ready
+
+
+def test_a_cut_cable_is_a_lost_link_for_good_and_a_new_one_is_made_when_it_is_mended(bench: Bench) -> None:
+    bench.client.request("P1=25")
+    bench.sim.faults.inject("cut-cable", after_s=0.01, for_s=1.0)
+    with pytest.raises(LinkError) as lost:
+        while True:
+            bench.client.numbers("P1")
+            bench.sim.wait(CYCLE_S)
+    assert code_of(lost) == "link.lost"
+    with pytest.raises(LinkError) as refused:
+        bench.sim.connect()
+    assert code_of(refused) == "link.refused"
+    bench.sim.wait(1.0)
+    with pytest.raises(LinkError):
+        bench.client.request("P1=26")
+    again = PmacClient(MemoryLink(bench.sim.connect(), bench.sim), bench.sim)
+    again.connect()
+    assert again.numbers("P1") == (25,)
+
+
+def test_a_buffer_that_was_open_is_closed_with_the_cable_that_is_cut(bench: Bench) -> None:
+    bench.client.request("OPEN PROG 1 CLEAR")
+    bench.sim.faults.inject("cut-cable", for_s=0.1)
+    assert bench.sim.controller.open_buffer is None
+
+
+@pytest.mark.parametrize("fault", ["dropped-ack", "nul", "bare-bel", "late-reply"])
+def test_a_download_under_a_fault_ends_with_an_error_and_can_be_done_again(bench: Bench, fault: str) -> None:
+    lines = ("CLOSE", "OPEN PROG 5", "CLEAR", "P7=1", "P7=2", "CLOSE")
+    parameters = {"delay_ms": 3000} if fault == "late-reply" else {}
+    bench.sim.faults.inject(fault, replies=1, **parameters)
+    with pytest.raises(LinkError):
+        bench.client.download(lines)
+    bench.client.download(lines)
+    assert bench.client.query("P1") == ("0",)
+
+
+def _run(machine: MachineProfile, seed: int) -> list[bytes]:
+    sim = SimulatedLathe(machine)
+    card = Wire(sim=sim, port=sim.connect())
+    card.raw("I3=2 I6=1\r")
+    sim.faults.inject("dropped-ack", seed=seed, share=0.5)
+    sim.faults.inject("extra-line", seed=seed + 1, share=0.25)
+    return [card.raw("P1\r") for _ in range(60)]
+
+
+def test_with_the_same_seed_the_same_replies_are_hit_and_about_the_share_that_was_asked_for(
+    machine: MachineProfile,
+) -> None:
+    run = _run(machine, 7)
+    assert run == _run(machine, 7)
+    assert run != _run(machine, 8)
+    assert 18 <= sum(not said.endswith(b"\x06") for said in run) <= 42
+    assert 5 <= sum(said.startswith(b"\r") for said in run) <= 25
+
+
+def test_faults_that_are_there_together_all_have_their_effect(card: Wire) -> None:
+    card.sim.faults.inject("extra-line")
+    card.sim.faults.inject("dropped-ack")
+    card.sim.faults.inject("late-reply", delay_ms=100)
+    assert card.raw("P1\r") == b""
+    card.sim.wait(0.11)
+    assert card.port.take_output() == b"\r25\r"
+
+
+def test_every_host_has_the_fault(card: Wire) -> None:
+    other = Wire(sim=card.sim, port=card.sim.connect())
+    card.sim.faults.inject("nul")
+    assert (card.raw("P1\r"), other.raw("P1\r")) == (b"\0", b"\0")

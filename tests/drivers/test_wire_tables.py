@@ -1,0 +1,281 @@
+"""Compensation tables over the line: defining, filling, listing, deleting, saving."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from drivers.pmac.compensation.table_text import table_lines
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.simulator import buffers
+from drivers.simulator.port import Port
+from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
+from tests.drivers.plc_card import reset
+from tests.drivers.wire_card import Wire, wire
+
+EIGHT = ("#1", "DEFINE COMP 8,4000", "160 80 120 96", "20 -56 -12 0")
+"""The table of the User Manual: of motor 1, by its own position."""
+GRID = ("#2DEF COMP 2.3,#3D,#1,300,200", "16 32 48 160 176 192 208 320 336 352 368")
+COMPENSATION_ON = 1 << 14
+"""Word 1 of ??? (Software Reference)."""
+
+
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    dialect: Dialect = request.param
+    return wire(machine, dialect)
+
+
+def corrections(card: Wire, motor: int, *positions: tuple[float, ...]) -> list[float]:
+    table = card.card.tables.tables[motor]
+    return [table.correction(*place) for place in positions]
+
+
+def say(card: Wire, port: Port, line: str) -> bytes:
+    """Another host says something."""
+    port.receive(line.encode() + b"\r")
+    card.sim.attend(port)
+    return port.take_output()
+
+
+def test_the_table_of_the_manual_is_by_the_position_of_its_own_motor(card: Wire) -> None:
+    """First entry at 500 counts, 160/16 count; 750 is half way to 80/16; -500 is 3500."""
+    card.tell(*EIGHT)
+    assert corrections(card, 1, (500,), (750,), (0,), (-500,)) == [10.0, 7.5, 0.0, -0.75]
+    assert card.ask("#1LIST COMP DEF") == ["8,#1,#1,4000"]
+    assert card.ask("#1LIST COMP") == ["160 80 120 96 20 -56 -12 0"]
+
+
+def test_a_table_with_rows_and_columns(card: Wire) -> None:
+    card.tell(*GRID)
+    assert corrections(card, 2, (0, 0), (100, 0), (0, 100), (100, 100)) == [0.0, 1.0, 10.0, 11.0]
+    assert card.ask("LIST COMP DEF LIST COMP") == ["2.3,#3D,#1,#2,300,200", GRID[1]]
+
+
+def test_what_is_listed_can_be_sent_again(card: Wire) -> None:
+    card.tell(*EIGHT)
+    first = card.card.tables.tables[1]
+    definition, *lines = card.ask("#1LIST COMP DEF LIST COMP")
+    card.tell("DELETE COMP", f"DEFINE COMP {definition}", *lines)
+    assert card.card.tables.tables[1] == first
+
+
+def test_a_long_table_is_listed_in_lines_that_a_card_takes(card: Wire) -> None:
+    sent = [(-1) ** k * (8_388_607 - k) for k in range(360)]
+    card.tell("#3DEFINE COMP 360,#2,#1,10000", *(" ".join(map(str, sent[k : k + 20])) for k in range(0, 360, 20)))
+    listed = card.ask("LIST COMP")
+    assert [int(entry) for line in listed for entry in line.split()] == sent
+    assert max(map(len, listed)) < 255
+
+
+def test_tables_are_defined_from_high_to_low_and_deleted_from_low_to_high(card: Wire) -> None:
+    card.tell("#4DEFINE COMP 1,100", "0", "#2DEFINE COMP 1,100", "0")
+    assert card.refusal("#3DEFINE COMP 1,100") == 3
+    assert card.refusal("#2DEFINE COMP 1,100") == 3  # it has one
+    assert card.refusal("#4DELETE COMP") == 3
+    assert set(card.card.tables.tables) == {2, 4}
+    card.tell("#1DELETE COMP", "#2DEL COMP", "#4DELETE COMP", "#4DELETE COMP")
+    assert card.card.tables.tables == {}
+
+
+def test_a_table_that_is_not_full_is_in_the_way_too(card: Wire) -> None:
+    card.tell("#2DEFINE COMP 2,100", "0")
+    assert card.refusal("#3DEFINE COMP 1,100") == 3
+    card.tell("#2DELETE COMP", "#3DEFINE COMP 1,100", "0")
+    assert set(card.card.tables.tables) == {3}
+
+
+def test_the_gather_buffer_is_deleted_before_tables_change(card: Wire) -> None:
+    card.tell("#2DEFINE COMP 1,100", "0", "DEFINE GATHER 100")
+    assert card.refusal("#1DEFINE COMP 1,100") == 3
+    assert card.refusal("#2DELETE COMP") == 3
+    card.tell("DELETE GATHER", "#1DEFINE COMP 1,100", "0", "#1DELETE COMP", "#2DELETE COMP")
+
+
+def test_a_table_corrects_nothing_until_its_last_entry_has_come(card: Wire) -> None:
+    card.tell("#1DEFINE COMP 3,100", "16", "32")
+    assert card.card.tables.tables == {}
+    assert card.ask("LIST COMP") == ["16 32"]
+    card.tell("0")
+    assert corrections(card, 1, (100 / 3,)) == [pytest.approx(1.0)]
+
+
+def test_other_commands_are_executed_between_two_entries(card: Wire) -> None:
+    card.tell("#1DEFINE COMP 3,100", "16 32", "#2J/", "P1=5", "CLOSE")
+    assert card.ask("P1 #2P") == ["5", "0"]
+    card.tell("0")
+    assert card.ask("#1LIST COMP") == ["16 32 0"]
+
+
+def test_a_number_sets_p0_but_for_a_table_that_waits_for_it(card: Wire) -> None:
+    """User Manual, Special-Use P-Variable."""
+    card.tell("P0=1", "#1DEFINE COMP 2,100", "7", "0")
+    assert card.ask("P0") == ["1"]
+    card.tell("342")
+    assert card.ask("P0") == ["342"]
+
+
+def test_only_the_host_that_defined_a_table_fills_it(card: Wire) -> None:
+    other = card.sim.connect()
+    card.tell("P0=1", "#1DEFINE COMP 2,100", "7")
+    assert say(card, other, "8") == b"\x06"
+    assert card.ask("P0") == ["8"]
+    assert card.ask("LIST COMP") == ["7"]
+    assert say(card, other, "#1LIST COMP DEF") == b"2,#1,#1,100\r\x06"
+    card.tell("0")
+    assert 1 in card.card.tables.tables
+
+
+@pytest.mark.parametrize("line", ["1 2 3", "1.5", "8388608", "-", "1 X", ".5", "1 2 #1J+"])
+def test_a_line_with_something_else_than_the_entries_left_is_refused_whole(card: Wire, line: str) -> None:
+    card.tell("P0=1", "#1DEFINE COMP 3,100", "16")
+    assert card.refusal(line) == 3
+    assert card.ask("P0 LIST COMP") == ["1", "16"]
+    assert not card.card.motors[1].jogging
+    card.tell("-32 0")
+    assert card.ask("LIST COMP") == ["16 -32 0"]
+
+
+def test_entries_go_to_the_table_that_was_defined_last(card: Wire) -> None:
+    card.tell("#2DEFINE COMP 2,100", "7", "#1DEFINE COMP 1,100", "0", "P0=1", "8")
+    assert set(card.card.tables.tables) == {1}
+    assert card.ask("P0 #2LIST COMP") == ["8", "7"]
+
+
+def test_no_table_is_defined_while_a_program_is_stored(card: Wire) -> None:
+    card.tell("OPEN PROG 1 CLEAR", "X1")
+    assert card.refusal("#1DEFINE COMP 1,100") == 7
+    card.tell("CLOSE", "#1DEFINE COMP 1,100", "OPEN PROG 1")
+    assert card.raw("0\r").startswith(b"\x07")
+    card.tell("CLOSE", "0")
+    assert card.ask("LIST PROG 1 LIST COMP") == ["X1", "0"]
+
+
+@pytest.mark.parametrize("word", ["LIST COMP", "LIST COMP DEF"])
+def test_what_is_not_there_is_not_listed(card: Wire, word: str) -> None:
+    card.tell(*EIGHT)
+    assert card.refusal(f"#2{word}") == 3
+
+
+def test_a_definition_that_is_none_defines_nothing(card: Wire) -> None:
+    beyond = card.card.dialect.motor_count + 1
+    for line in (
+        "DEFINE COMP",
+        "DEFINE COMP 0,100",
+        f"DEFINE COMP 8,#{beyond},#1,100",
+        "DEFINE COMP 8,#1,#2D,100",
+    ):
+        assert card.refusal(line) == 3
+    assert card.card.tables.motors == frozenset()
+
+
+def test_tables_and_programs_share_the_memory(card: Wire) -> None:
+    before = int(card.ask("SIZE")[0])
+    card.tell("#1DEFINE COMP 100,4000")
+    assert int(card.ask("SIZE")[0]) == before - 100
+    card.tell("DELETE COMP")
+    assert int(card.ask("SIZE")[0]) == before
+
+
+def test_memory_ends(card: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(buffers, "ROOM_LINES", 8)
+    assert card.refusal("#1DEFINE COMP 9,4000") == 6
+    card.tell(*EIGHT, "OPEN PROG 1 CLEAR")
+    assert card.refusal("X1") == 6
+
+
+def test_delete_all_deletes_tables(card: Wire) -> None:
+    card.tell(*EIGHT, "DELETE ALL")
+    assert card.card.tables.motors == frozenset()
+
+
+def test_the_status_tells_when_a_table_corrects(card: Wire) -> None:
+    def on() -> bool:
+        return bool(int(card.ask("???")[0][:6], 16) & COMPENSATION_ON)
+
+    card.tell("I51=1")
+    assert not on()
+    card.tell(*EIGHT)
+    assert on()
+    card.tell("I51=0")
+    assert not on()
+    card.tell("I51=1", "#1DELETE COMP")
+    assert not on()
+
+
+def test_every_change_counts_up(card: Wire) -> None:
+    tables = card.card.tables
+    seen = [tables.revision]
+    for line in ("#1DEFINE COMP 2,100", "1", "0", "DELETE COMP"):
+        card.tell(line)
+        seen.append(tables.revision)
+    assert sorted(set(seen)) == seen
+
+
+def test_saved_tables_come_back_with_a_reset(card: Wire) -> None:
+    card.tell(*GRID, *EIGHT)
+    kept = dict(card.card.tables.tables)
+    card.tell("SAVE", "#1DELETE COMP", "#2DELETE COMP", "#7DEFINE COMP 1,100", "0")
+    reset(card)
+    assert card.card.tables.tables == kept
+
+
+def test_without_save_a_reset_leaves_tables_as_it_leaves_programs(card: Wire) -> None:
+    card.tell(*EIGHT, "OPEN PROG 5 CLEAR", "X1", "CLOSE")
+    reset(card)
+    assert card.ask("#1LIST COMP DEF LIST PROG 5") == ["8,#1,#1,4000", "X1"]
+
+
+def test_the_factory_has_no_tables(card: Wire) -> None:
+    card.tell(*EIGHT, "SAVE")
+    reset(card, "$$$***")
+    assert card.card.tables.motors == frozenset()
+    reset(card)
+    assert set(card.card.tables.tables) == {1}
+
+
+def test_a_table_that_is_not_full_is_not_saved(card: Wire) -> None:
+    card.tell("#2DEFINE COMP 2,100", "1", "SAVE")
+    reset(card)
+    assert card.card.tables.motors == frozenset()
+    card.tell("P0=1", "8")
+    assert card.ask("P0") == ["8"]
+
+
+@pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=lambda dialect: dialect.name)
+def test_saved_tables_outlive_the_process(machine: MachineProfile, tmp_path: Path, dialect: Dialect) -> None:
+    path = tmp_path / "saved.json"
+    first = wire(machine, dialect, saved=path)
+    first.tell(*GRID, *EIGHT, "SAVE")
+    again = wire(machine, dialect, saved=path)
+    assert again.card.tables.tables == first.card.tables.tables
+    kept = json.loads(path.read_text(encoding="ascii"))["tables"]
+    assert kept == {str(motor): table_lines(table) for motor, table in first.card.tables.tables.items()}
+
+
+def test_a_file_of_a_card_without_tables_is_read(machine: MachineProfile, tmp_path: Path) -> None:
+    path = tmp_path / "saved.json"
+    wire(machine, saved=path).tell("I116=77", "SAVE")
+    kept = json.loads(path.read_text(encoding="ascii"))
+    del kept["tables"]
+    path.write_text(json.dumps(kept), encoding="ascii")
+    again = wire(machine, saved=path)
+    assert again.ask("I116") == ["77"]
+    assert again.card.tables.motors == frozenset()
+
+
+@pytest.mark.parametrize("lines", [[], ["#1DEFINE COMP 2,#1,#1,100", "1"], ["#99DEFINE COMP 1,#1,#1,100", "1"]])
+def test_a_file_with_lines_that_are_no_table_is_refused(
+    machine: MachineProfile, tmp_path: Path, lines: list[str]
+) -> None:
+    path = tmp_path / "saved.json"
+    wire(machine, saved=path).tell("SAVE")
+    kept = json.loads(path.read_text(encoding="ascii"))
+    kept["tables"] = {"1": lines}
+    path.write_text(json.dumps(kept), encoding="ascii")
+    with pytest.raises(ProfileError) as refused:
+        wire(machine, saved=path)
+    assert refused.value.problems[0].code == "file.unreadable"

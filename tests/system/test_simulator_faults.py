@@ -1,0 +1,237 @@
+"""Faults of a served simulator, asked for over its control socket: real sockets, a real serial line."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from drivers.clock import RealClock
+from drivers.errors import LinkError, LinkTimeoutError
+from drivers.link.address import SerialAddress, TcpAddress
+from drivers.link.serial import SerialLink
+from drivers.link.tcp import TcpLink
+from drivers.pmac.client import PmacClient
+from drivers.simulator.process import SimulatorProcess
+from profiles.store import BUNDLED_MACHINES
+
+if TYPE_CHECKING:
+    from tests.system.conftest import Serve, Served
+
+pytestmark = pytest.mark.system
+
+LOOPBACK = "tcp:127.0.0.1:0"
+PATIENCE_S = 10.0
+MACHINE = BUNDLED_MACHINES / "lee-2001-lathe.toml"
+
+
+def tell(served: Served, *lines: str) -> list[str]:
+    """Type lines on the control socket; return the verdict of each."""
+    host, _, port = served.control.removeprefix("tcp:").rpartition(":")
+    with closing(socket.create_connection((host, int(port)), timeout=PATIENCE_S)) as control:
+        control.sendall("".join(f"{line}\n" for line in lines).encode())
+        control.shutdown(socket.SHUT_WR)
+        said = b"".join(iter(lambda: control.recv(4096), b"")).decode()
+    return re.findall(r"^(?:ok|refused: .*)$", said, re.MULTILINE)
+
+
+def console(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "console", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+
+
+@pytest.fixture(scope="module")
+def module_served(serve: Serve) -> Iterator[Served]:
+    with serve("--tcp", "127.0.0.1:0", "--ethernet", "127.0.0.1:0", "--pty", "--control", LOOPBACK) as running:
+        yield running
+        assert running.end()[0] == 0
+
+
+@pytest.fixture
+def served(module_served: Served) -> Iterator[Served]:
+    yield module_served
+    assert tell(module_served, "clear", "power-cycle") == ["ok", "ok"]
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def tcp_is_open(served: Served) -> bool:
+    """Whether a connection is not reset at once."""
+    with closing(socket.create_connection(served.tcp, timeout=PATIENCE_S)) as host:
+        try:
+            host.sendall(b"I3=2\r")
+            return bool(host.recv(1))
+        except ConnectionError:
+            return False
+
+
+@contextmanager
+def client_over_tcp(served: Served) -> Iterator[PmacClient]:
+    host, port = served.tcp
+    link = TcpLink(TcpAddress(host=host, port=port))
+    try:
+        client = PmacClient(link, RealClock())
+        client.connect()
+        yield client
+    finally:
+        link.close()
+
+
+@contextmanager
+def client_over_pty(device: str) -> Iterator[PmacClient]:
+    link = SerialLink(SerialAddress(device=device))
+    try:
+        client = PmacClient(link, RealClock())
+        client.connect()
+        yield client
+    finally:
+        link.close()
+
+
+def test_the_control_socket_is_told_like_the_other_addresses(served: Served) -> None:
+    assert re.fullmatch(r"tcp:127\.0\.0\.1:[1-9]\d*", served.control)
+    verdicts = tell(served, "list", "inject lightning", "inject nul share=2", "active")
+    assert [verdict.partition(":")[0] for verdict in verdicts] == ["ok", "refused", "refused", "ok"]
+    assert "0 < share <= 1" in verdicts[2]
+
+
+def test_a_line_without_an_end_is_not_read_for_ever(served: Served) -> None:
+    host, _, port = served.control.removeprefix("tcp:").rpartition(":")
+    with closing(socket.create_connection((host, int(port)), timeout=PATIENCE_S)) as control:
+        control.sendall(b"x" * 4096)
+        control.sendall(b"x")
+        with suppress(ConnectionResetError):
+            assert control.recv(1) == b""
+    assert tell(served, "active") == ["ok"]
+
+
+def test_the_command_asks_for_a_fault_and_tells_a_refusal(served: Served) -> None:
+    address = f"control:{served.control}"
+    asked = console("fault", address, "inject", "nul", "after=1000")
+    assert (asked.returncode, asked.stderr) == (0, "")
+    assert asked.stdout.startswith("nul share=1 seed=0, from ")
+    refused = console("fault", address, "inject", "nul", "share=2")
+    assert (refused.returncode, refused.stdout, len(refused.stderr.splitlines())) == (1, "", 1)
+    assert "0 < share <= 1" in refused.stderr
+    assert console("fault", address, "active").stdout.endswith("(waits)\n")
+
+
+def test_a_tcp_client_meets_pieces_a_nul_and_a_cut(served: Served) -> None:
+    with client_over_tcp(served) as client:
+        client.request("P1=1234567")
+        tell(served, "inject split-segments pieces=4 gap_ms=20")
+        assert client.numbers("P1") == (1234567,)
+        tell(served, "clear", "inject nul replies=1")
+        with pytest.raises(LinkError):
+            client.numbers("P1")
+        assert client.numbers("P1") == (1234567,)
+        tell(served, "inject cut-cable for=0.2")
+        with pytest.raises(LinkError) as lost:
+            client.numbers("P1")
+        assert lost.value.problems[0].code == "link.lost"
+    wait_until(lambda: tcp_is_open(served))
+    with client_over_tcp(served) as client:
+        assert client.numbers("P1") == (1234567,)
+
+
+def test_segments_leave_one_by_one(served: Served) -> None:
+    with closing(socket.create_connection(served.tcp, timeout=PATIENCE_S)) as host:
+        host.sendall(b"I3=2 P1=25 P2=50\r")
+        assert host.recv(4096) == b"\x06"
+        tell(served, "inject split-segments pieces=2 gap_ms=500")
+        host.sendall(b"P1P2\r")
+        assert [host.recv(4096), host.recv(4096)] == [b"25\r", b"50\r\x06"]
+
+
+def test_a_board_is_silent_while_it_hangs_and_answers_afterwards(served: Served) -> None:
+    with closing(socket.create_connection(served.ethernet, timeout=PATIENCE_S)) as host:
+        tell(served, "inject hang for=0.3")
+        before = time.monotonic()
+        host.sendall(bytes.fromhex("40bf00000000000d") + b"i6=1 i3=2 ver")
+        assert host.recv(4096).endswith(b"\r\x06")
+        assert time.monotonic() - before > 0.25
+
+
+def test_a_serial_line_hangs_up_and_comes_back_where_it_was(served: Served) -> None:
+    with client_over_pty(served.device) as client:
+        client.request("P3=7")
+        tell(served, "inject cut-cable for=0.2")
+        with pytest.raises(LinkError) as lost:
+            while True:
+                client.numbers("P3")
+        assert lost.value.problems[0].code == "link.lost"
+    wait_until(lambda: os.path.exists(served.device))
+    with client_over_pty(served.device) as client:
+        assert client.numbers("P3") == (7,)
+
+
+def test_a_dead_card_is_silent_on_all_lines_until_it_is_switched_off_and_on(served: Served) -> None:
+    with client_over_tcp(served) as client, client_over_pty(served.device) as other:
+        tell(served, "inject watchdog")
+        for each in (client, other):
+            with pytest.raises(LinkTimeoutError):
+                each.request("P1", timeout_s=0.2)
+        tell(served, "power-cycle")
+        for each in (client, other):
+            each.connect()
+
+
+def test_a_socket_in_the_file_system_is_the_owners_and_gone_in_the_end(serve: Serve, tmp_path: Path) -> None:
+    path = tmp_path / "faults"
+    with serve("--tcp", "127.0.0.1:0", "--control", f"unix:{path}") as running:
+        assert running.control == f"unix:{path}"
+        mode = path.stat().st_mode
+        assert (stat.S_ISSOCK(mode), stat.S_IMODE(mode)) == (True, 0o600)
+        assert console("fault", f"unix:{path}", "active").returncode == 0
+        second = console("simulator", "--tcp", "127.0.0.1:0", "--control", f"unix:{path}")
+        assert (second.returncode, len(second.stderr.splitlines())) == (1, 1)
+        assert running.end(signal.SIGTERM)[0] == 0
+    assert not path.exists()
+
+
+def test_a_socket_that_a_dead_simulator_left_is_taken_over_and_a_file_is_not(serve: Serve, tmp_path: Path) -> None:
+    path = tmp_path / "faults"
+    with serve("--tcp", "127.0.0.1:0", "--control", f"unix:{path}") as running:
+        running.process.kill()
+        running.process.wait(PATIENCE_S)
+    assert path.is_socket()
+    with serve("--tcp", "127.0.0.1:0", "--control", f"unix:{path}") as running:
+        assert console("fault", f"unix:{path}", "active").returncode == 0
+        assert running.end()[0] == 0
+    path.write_text("mine")
+    refused = console("simulator", "--tcp", "127.0.0.1:0", "--control", f"unix:{path}")
+    assert (refused.returncode, len(refused.stderr.splitlines())) == (1, 1)
+    assert path.read_text() == "mine"
+
+
+def test_the_simulator_of_the_console_has_faults_over_its_channel() -> None:
+    simulator = SimulatorProcess.start(MACHINE, seed=1)
+    try:
+        with client_over_pty(simulator.address.device) as client:
+            assert simulator.fault("inject nul replies=1").endswith("\nok\n")
+            with pytest.raises(LinkError):
+                client.numbers("P1")
+            assert client.numbers("P1") == (0,)
+            assert simulator.fault("active") == "ok\n"
+        with pytest.raises(LinkError) as refused:
+            simulator.fault("inject lightning")
+        assert refused.value.problems[0].code == "simulator.refused"
+        assert "split-segments" in refused.value.problems[0].value
+    finally:
+        simulator.close()
