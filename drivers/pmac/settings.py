@@ -21,10 +21,12 @@ def settings_with(named: Mapping[str, float], dialect: Dialect = PMAC) -> dict[i
 
     The names are those of the non-Turbo controller; in another dialect each goes to the place that it has there.
     """
-    values = dict(dialect.factory)
-    for name, value in named.items():
-        values.update(dict.fromkeys(_places(int(name[1:]), dialect), value))
-    return values
+    return {**dialect.factory, **named_settings(named, dialect)}
+
+
+def named_settings(named: Mapping[str, float], dialect: Dialect) -> dict[int, float]:
+    """Return the settings that are named, and no others, at the places that they have in a dialect."""
+    return {index: value for name, value in named.items() for index in _places(int(name[1:]), dialect)}
 
 
 def servo_cycle_ms(i10: float) -> float:

@@ -102,7 +102,8 @@ class VariableStore:
             lowest, count = limits
             value = float(lowest + (math.floor(value + 0.5) - lowest) % count)
         # Where systems have numbers of their own, a motor's Ixx88 is a setting like any other.
-        if index % 100 not in MODAL_NUMBERS or index < self.dialect.system_offset:
+        modal = index % 100 in MODAL_NUMBERS and index >= self.dialect.system_offset
+        if not modal and value != self._i.get(index):
             self.i_revision += 1
         self._i[index] = value
 

@@ -282,6 +282,7 @@ class Controller:
         self.watchdog_tripped = False
         self.open_buffer = None
         self.gather.clear()
+        self.tables.leave()
         self.conversion.reset()
         self.host.reset()
         self.variables.replace_i(self._profile_i_variables if factory is None else factory)

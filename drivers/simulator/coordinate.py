@@ -164,6 +164,10 @@ class CoordinateSystem:
         if not (segmented and self._motion.take_back()):
             self._motion.quit()
 
+    def forget_debt(self) -> None:
+        """Another source leads the time: what one that ran backwards has taken away is not owed any more."""
+        self._motion.forget_debt()
+
     def hold(self) -> None:
         """H: let the time base go to 0 at Ix95."""
         self.time_base.hold()

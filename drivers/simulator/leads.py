@@ -26,7 +26,8 @@ from drivers.simulator.motor import Motor
 TABLES_ON = 51
 """I51: whether compensation tables are in use."""
 
-_FOLLOWING, _TIME_BASE_SOURCE = 6, 93
+_FOLLOWING = (5, 6, 7, 8)
+_TIME_BASE_SOURCE = 93
 _WORD = (1 << WORD_BITS) - 1
 _METHOD = _WORD >> WORD_BITS - METHOD_SHIFT
 """What is below the method digit of a set-up word."""
@@ -53,11 +54,10 @@ class _Follower:
 
     def step(self) -> None:
         parts = parts_of(self.master.counter) & _WORD
-        if parts == self.state.master_parts and self.motor.superimposed == 0.0:
+        if parts == self.state.master_parts:
             return
         self.state, increment = self.state.step(self.setup, parts)
-        absorbing = self.setup.mode is FollowingMode.NORMAL
-        self.motor.follow_master(in_counts(increment, self.setup), absorbing=absorbing)
+        self.motor.follow_master(in_counts(increment, self.setup))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -131,6 +131,10 @@ class Leads:
                 self._note_trigger(line - 1, clock.triggered.state)
         for follower in self._followers.values():
             follower.step()
+        for number in self._corrected:
+            motor = self._motors[number]
+            if not motor.activated:
+                self.correct(motor)  # it has no turn of its own, and must not be thrown when it has one again
 
     def correct(self, motor: Motor) -> None:
         """Work out the correction of a motor from where its sources are by now."""
@@ -159,10 +163,14 @@ class Leads:
             master = self._master(entry)
             if line is None or entry is None or master is None:
                 # Where nothing counts no time passes; what is no line of the table is the register of `%`.
-                system.busy = system.busy or system.time_base.led
+                if system.time_base.led:
+                    system.busy = True
+                    system.forget_debt()
                 system.time_base.lead(None if line is None else 0)
                 continue
             clock = self._clocks.get(line) or _clock(entry, master, before.get(line))
+            if line not in before or system not in before[line].systems:
+                system.forget_debt()
             clock.systems = (*clock.systems, system)
             self._clocks[line] = clock
 
@@ -174,13 +182,11 @@ class Leads:
 
     def _find_followers(self) -> None:
         before, self._followers = self._followers, {}
-        variables = self._variables
+        dialect = self._variables.dialect
         for number, motor in self._motors.items():
-            motor.offset_following = False
-            if not motor.variable(_FOLLOWING):
-                continue
-            setup = FollowingSetup.of_motor(number, variables.settings(), variables.dialect)
-            motor.offset_following = setup.mode is FollowingMode.OFFSET
+            settings = {dialect.motor_index(number, each): motor.variable(each) for each in _FOLLOWING}
+            setup = FollowingSetup.of_motor(number, settings, dialect)
+            motor.offset_following = setup.offset
             master = self._conversion.encoder(setup.master) if setup.mode is not FollowingMode.OFF else None
             if master is None:
                 continue

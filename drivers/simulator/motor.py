@@ -26,7 +26,6 @@ class Motor(MotorLoop):
         super().__init__(number, variables, axis, home)
         self.bias = 0.0
         self.variable_jog = 0.0
-        self.offset_following = False
 
     @property
     def activated(self) -> bool:
@@ -114,7 +113,7 @@ class Motor(MotorLoop):
         self.kill()
         self.home_complete = False
         self._rebase(self.encoder)
-        self.bias = 0.0
+        self.bias = self.superimposed = 0.0
 
     def phase(self) -> None:
         """`$`: there is nothing to phase; the loop is closed where the motor stands.

@@ -23,8 +23,9 @@ class MotorLoop:
     says; somebody else sets it, as the pins of `travel` and `index_lost`, that no home trigger is met.
 
     The loop is told `desired`, with `correction` (of compensation tables, or whoever writes their register) and
-    `superimposed` (what is followed of a master and not yet part of `desired`) added to it, all in counts. `iron`
-    is where the axis is by its machine position, whatever the encoder says.
+    `superimposed` (what is followed of a master and not yet part of `desired`) added to it, all in counts. What is
+    followed becomes part of `desired` as soon as nothing else moves the motor, unless `offset_following` keeps it
+    out. `iron` is where the axis is by its machine position, whatever the encoder says.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -41,6 +42,7 @@ class MotorLoop:
         self.actual = 0.0
         self.correction = 0.0
         self.superimposed = 0.0
+        self.offset_following = False
         self.iron = axis.origin
         self.index_lost = False
         self.program_timer = False
@@ -48,6 +50,8 @@ class MotorLoop:
         self.travel = TravelLimits()
         self._output: float | None = None
         self._last_actual = 0.0
+        self._led_since_look = 0.0
+        self._correction_at_look = 0.0
         self._lost_counts = 0.0
         self._losing = False
         self._variables = variables
@@ -119,6 +123,8 @@ class MotorLoop:
         """
         if self._losing or self.axis.encoder_lost:
             self._count_losses()
+        if self.superimposed and not (self.offset_following or self.program_timer or self._jog.player):
+            self._absorb()
         added = self.correction + self.superimposed
         if not self.enabled:
             track = self.axis.coast(cycles) if self._output is None else self.axis.push(self._output, cycles)
@@ -146,12 +152,15 @@ class MotorLoop:
         """Return where the home trigger was met between two machine positions, if it was."""
         return None if self.index_lost else self._home.passed(before, after)
 
-    def follow_master(self, counts: float, *, absorbing: bool) -> None:
-        """Go `counts` with a master; `absorbing` makes it the motor's own motion while nothing else moves it."""
+    def follow_master(self, counts: float) -> None:
+        """Go `counts` with a master, in closed loop and as far as the limits of travel let it."""
+        if not self.enabled:
+            return
+        if self.travel.bars(counts):
+            self.travel.stopped = True
+            return
         self.superimposed += counts
-        if absorbing and not self.program_timer and self._jog.player is None:
-            self.desired += self.superimposed
-            self.superimposed = 0.0
+        self._led_since_look += counts
 
     def look(self) -> Alarm | None:
         """Look at limits, following error and position, as the background does; say what calls for action."""
@@ -169,10 +178,17 @@ class MotorLoop:
             return Alarm.AMPLIFIER
         if error > guard.fatal_error:
             return Alarm.FOLLOWING_ERROR
-        heading = self.velocity if self._output is None else self._output
+        led = self._led_since_look + self.correction - self._correction_at_look
+        self._led_since_look, self._correction_at_look = 0.0, self.correction
+        heading = (self.velocity or led) if self._output is None else self._output
         if heading and not self._jog.aborting and travel.bars(heading):
             return Alarm.TRAVEL
         return None
+
+    def _absorb(self) -> None:
+        """Make what was followed motion of the motor itself; a program goes on from wherever that has led to."""
+        self.desired += self.superimposed
+        self.superimposed, self.stopped_at = 0.0, None
 
     def _count_losses(self) -> None:
         """While the encoder does not count, the reading stays; what was lost meanwhile stays lost."""
@@ -204,8 +220,12 @@ class MotorLoop:
             return
         caught = trigger - self.axis.origin
         if self._jog.homes:
+            if not self.offset_following:
+                self._absorb()
             self._declare_home(caught + self.variable(26) / PARTS_PER_COUNT, caught)
             caught = 0.0
+        else:
+            caught -= self.correction + self.superimposed
         self._jog.meet(caught, self.desired, self.velocity)
 
     def _declare_home(self, zero: float, captured: float) -> None:

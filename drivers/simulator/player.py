@@ -42,6 +42,10 @@ class Player:
         """Whether what is played now passes at the rate of the servo clock, whatever the time base is."""
         return self._entered and bool(self._queue) and self._queue[0].real_time
 
+    def forget_debt(self) -> None:
+        """Go on from the start of the piece that is played, if time was taken back beyond it."""
+        self._elapsed_ms = max(self._elapsed_ms, 0.0)
+
     def append(self, pieces: Iterable[Piece]) -> None:
         """Add pieces to the end."""
         self._queue.extend(pieces)

@@ -129,6 +129,11 @@ class ProgramMotion:
         self._planner, self._event, self.running = planner, None, False
         return True
 
+    def forget_debt(self) -> None:
+        """Let the motion go on from where it stands, whatever time was taken back."""
+        if self._player is not None:
+            self._player.forget_debt()
+
     def drop(self) -> None:
         """Let go of the motors where they are; the program can be gone on with from wherever they come to rest."""
         self._event, self._homing = None, ()

@@ -64,7 +64,7 @@ def motor_words(controller: Controller, motor: Motor) -> tuple[int, ...]:
         "activated": motor.activated,
         "negative_limit": motor.negative_limit,
         "positive_limit": motor.positive_limit,
-        "following_enabled": motor.variable(6) != 0.0,
+        "following_enabled": int(motor.variable(6)) & 1 == 1,
         "following_offset": motor.offset_following,
         "open_loop": not motor.enabled,
         "move_timer_active": motor.program_timer or motor.jogging,

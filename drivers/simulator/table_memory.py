@@ -112,6 +112,10 @@ class TableMemory:
         self.tables = {number: table for number, table in self.tables.items() if number != motor}
         self.revision += 1
 
+    def leave(self) -> None:
+        """Fill none any more, as after a reset; a table that was not full stays unfilled."""
+        self._filling = None
+
     def clear(self) -> None:
         """Delete all tables."""
         self.replace(())

@@ -242,3 +242,13 @@ def test_nothing_is_fetched_that_was_never_started(bench: Bench) -> None:
     with pytest.raises(ControllerError) as refused:
         bench.gathering.fetch(plan)
     assert refused.value.error_number == 3
+
+
+def test_a_scale_that_was_changed_meanwhile_is_told_and_not_used(bench: Bench) -> None:
+    plan = bench.gathering.prepare(bench.gathering.motor_channels("#1 actual"), samples=5)
+    bench.gathering.start(plan)
+    bench.sim.wait(0.05)
+    bench.gathering.stop()
+    bench.client.request("I108=48")
+    with pytest.raises(GatherError, match=r"#1 actual.*1536 steps.*3072 before"):
+        bench.gathering.fetch(plan)

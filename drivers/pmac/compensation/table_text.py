@@ -18,6 +18,9 @@ from drivers.pmac.memory import WORD_BITS
 GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1
 """An entry is a word of memory, with a sign; sixteenths of a count."""
 
+_GREATEST_SIZE = (1 << 47) - 1
+"""A position is 48 bits with a sign: no source comes around a longer span."""
+
 ENTRIES_PER_LINE = 16
 """Of at most nine characters: a line stays below the 255 that a card takes."""
 
@@ -139,6 +142,6 @@ def _motor_number(scanner: Scanner, motor_count: int) -> int:
 
 def _size(scanner: Scanner) -> int:
     size = scanner.take_integer()
-    if not size:
-        raise scanner.refusal("a whole number from 1")
+    if not size or size > _GREATEST_SIZE:
+        raise scanner.refusal(f"a whole number, 1 to {_GREATEST_SIZE}")
     return size

@@ -114,6 +114,8 @@ class Setting(StrEnum):
 class Dialect:
     """One family of controllers. `replies` are the answers to words such as VERSION, without an end of line.
 
+    `type_prefix` is how the answer to TYPE begins, whatever the card of the family.
+
     `system_offset` + 100 x + nn is the index of Ixnn of coordinate system x; motors have 100 x + nn everywhere.
     A word that is not among `replies` is none of the family's. `axis_codes`
     are what bits 16 to 19 of the second word of `?` say of the axis. P is reported in steps of `position_step`
@@ -134,6 +136,7 @@ class Dialect:
     """
 
     name: str
+    type_prefix: str
     replies: Mapping[str, str]
     motor_count: int
     system_count: int

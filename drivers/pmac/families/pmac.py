@@ -76,6 +76,7 @@ SYSTEM_BITS_SHARED: BitTable = {
 
 PMAC = Dialect(
     name="pmac",
+    type_prefix="PMAC",
     replies={
         "VERSION": "1.17",
         "TYPE": "PMAC1, X1",
@@ -140,8 +141,17 @@ PMAC = Dialect(
         63: (0, 2),
         64: (0, 2),
     },
-    motor_ranges={0: (0, 2), 34: (0, 2), 80: (0, 4)},
-    system_ranges={92: (0, 2)},
+    motor_ranges={
+        0: (0, 2),
+        5: (0, 2**24),
+        6: (0, 2),
+        7: (-(2**23), 2**24),
+        8: (0, 2**23),
+        9: (0, 2**23),
+        34: (0, 2),
+        80: (0, 4),
+    },
+    system_ranges={92: (0, 2), 93: (0, 2**24), 94: (0, 2**23), 95: (0, 2**23)},
     motor_bits=_MOTOR_BITS,
     system_bits={**SYSTEM_BITS_SHARED, "program_hold": (2, 23), "circle_radius_error": (2, 21)},
     system_words=2,

@@ -71,6 +71,7 @@ _CONVERSION_TABLE = ConversionTable(
 
 TURBO = Dialect(
     name="turbo",
+    type_prefix="TURBO",
     replies={
         "VERSION": "1.947  ",
         "TYPE": "TURBO2, X4",
@@ -117,7 +118,7 @@ TURBO = Dialect(
         42: (0, 2),
         68: (0, 16),
     },
-    motor_ranges={**PMAC.motor_ranges, 90: (0, 2)},
+    motor_ranges={**PMAC.motor_ranges, 6: (0, 4), 90: (0, 2)},
     system_ranges={**PMAC.system_ranges, **dict.fromkeys(_TIMERS, (-(2**23), 2**24)), 13: (0, 256)},
     motor_bits=_MOTOR_BITS,
     system_bits={

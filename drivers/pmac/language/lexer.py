@@ -19,7 +19,7 @@ HIGHEST_CHARACTER = 127
 _WHITE = frozenset(" \t\r\n")
 # A point that begins `..` belongs to a range of variables (P1..3), not to the number before it.
 _NUMBER = re.compile(r"\$[0-9A-F]+|[0-9]+(?:\.(?!\.)[0-9]*)?|\.[0-9]+")
-_INTEGER = re.compile(r"\$[0-9A-F]{1,12}|[0-9]{1,18}")
+_INTEGER = re.compile(r"\$[0-9A-F]{1,12}(?![0-9A-F])|[0-9]{1,18}(?![0-9])")
 
 
 class Scanner:

@@ -31,12 +31,16 @@ class FollowingMode(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowingSetup:
-    """The settings of a motor; `master` is an address, `teeth` Ix07 and `own_teeth` Ix08."""
+    """The settings of a motor; `master` is an address, `teeth` Ix07 and `own_teeth` Ix08.
+
+    `offset` is whether what is followed is left out of the position, now or when it was followed.
+    """
 
     mode: FollowingMode
     master: int
     teeth: int
     own_teeth: int
+    offset: bool = False
 
     @classmethod
     def of_motor(cls, motor: int, settings: Mapping[int, float], dialect: Dialect) -> FollowingSetup:
@@ -46,13 +50,14 @@ class FollowingSetup:
             return int(settings.get(dialect.motor_index(motor, number), 0))
 
         number, bit = dialect.offset_following
-        offset = setting(number) >> bit & 1
+        offset = bool(setting(number) >> bit & 1)
         on = FollowingMode.OFFSET if offset else FollowingMode.NORMAL
         return cls(
             mode=on if setting(_ENABLE) & 1 else FollowingMode.OFF,
             master=setting(_ADDRESS) & dialect.highest_address,
             teeth=setting(_RATIO),
             own_teeth=setting(_SCALE),
+            offset=offset,
         )
 
 
@@ -74,5 +79,5 @@ class Following:
 
 
 def in_counts(parts: int, setup: FollowingSetup) -> float:
-    """Return a distance of the motor, 1/(Ix08 x 32) count, in counts."""
-    return parts / (setup.own_teeth * COUNT_PARTS)
+    """Return a distance of the motor, 1/(Ix08 x 32) count, in counts; with an Ix08 of 0 there is none."""
+    return parts / (setup.own_teeth * COUNT_PARTS) if setup.own_teeth else 0.0
