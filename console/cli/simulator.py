@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.cli.library import machine_of
+from console.cli.parser import DEFAULT_PLANT
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
@@ -23,6 +24,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     if not (options.tcp or options.ethernet or options.pty):
         print(f"console simulator: {text('usage.no_listener')}", file=sys.stderr)
         return WRONG_USAGE
+    if options.seed is not None and options.plant == DEFAULT_PLANT:
+        print(f"console simulator: {text('usage.seed_without_chance')}", file=sys.stderr)
+        return WRONG_USAGE
     from drivers.simulator.server import Listeners, serve
 
     machine = machine_of(options).machine
@@ -36,15 +40,16 @@ def main(options: Namespace, text: Catalogue) -> int:
         sys.stdout.flush()
 
     listeners = Listeners(tcp=options.tcp, ethernet=options.ethernet, pty=options.pty, control=options.control)
-    lathe = _lathe(machine, options.dialect, options.saved)
-    serve(lathe, listeners, ready, options.speed)
+    serve(_lathe(machine, options), listeners, ready, options.speed)
     return 0
 
 
-def _lathe(machine: MachineProfile, dialect: str | None, saved: str | None) -> SimulatedLathe:
+def _lathe(machine: MachineProfile, options: Namespace) -> SimulatedLathe:
     """Return the machine with the controller that its profile names, or with the one that is asked for."""
     from drivers.pmac.dialect import DIALECTS
     from drivers.simulator.machine import SimulatedLathe
+    from drivers.simulator.plant.true_parameters import plant_named
 
-    family = DIALECTS[dialect or machine.controller.family]
-    return SimulatedLathe(machine, dialect=family, saved=Path(saved) if saved else None)
+    family = DIALECTS[options.dialect or machine.controller.family]
+    true = plant_named(options.plant, machine, options.seed)
+    return SimulatedLathe(machine, true, family, Path(options.saved) if options.saved else None)

@@ -15,6 +15,7 @@ from typing import Any
 from console.session.alarms import Priority, acknowledged, cleared
 from console.session.alignment import observed
 from console.session.clearance import behind_face_mm, tool_in_part
+from console.session.collisions import COLLISION_CODES, collision_problems
 from console.session.errors import SessionError
 from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, Verify
 from console.session.orders import ORDERS
@@ -23,7 +24,7 @@ from console.session.spindle import SpindleWatch
 from console.session.state import IDLE, MOVING, Activity, StationState, StopState
 from console.session.workplace import Workplace
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
-from drivers.lathe import LINK_GONE
+from drivers.link.base import GONE
 from drivers.snapshot import Snapshot
 from drivers.stop import StoppedError
 from profiles.problem import Problem, ProblemError
@@ -34,6 +35,9 @@ SCREEN_TIMEOUT_S = 2.0
 SIGHT_PERIOD_S = 0.15
 """Between two looks at the chuck of the simulated shop."""
 
+SIGHT_PERIOD_IN_CUT_S = 1.0
+"""The same in a cut, where looks belong to the controller; but what the tool runs into is to be told."""
+
 
 class Station:
     """One machine under one operator."""
@@ -43,6 +47,7 @@ class Station:
         self._order: Intent | None = None
         self._beat_s: float | None = None
         self._sight_s = float("-inf")
+        self._met: tuple[str, ...] = ()
         self._slot = threading.Lock()
         self._gone = False
         self._spindle = SpindleWatch(place.loaded_machine.machine.spindle.counts_per_rev)
@@ -260,13 +265,13 @@ class Station:
     def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
         """Nobody can tell how the machine is. A link that is gone stays so; one that is silent is asked again."""
         place = self._place
-        self._gone = any(problem.code == LINK_GONE for problem in unproven.problems)
+        self._gone = any(problem.code in GONE for problem in unproven.problems)
         known = {alarm.problem.code for alarm in place.state.alarms}
         for problem in unproven.problems:
             if problem.code not in known:
                 place.alarm(problem)
         if place.state.activity is not Activity.LOST or self._gone:
-            self._note_end(told.reason, proven=False)
+            self._note("stopped", reason=told.reason, proven=False)
         told = replace(told, killed=place.lathe.stop.killed, delivered=place.lathe.stop.delivered)
         place.tell(stop=told, activity=Activity.LOST)
 
@@ -285,7 +290,7 @@ class Station:
             tool_in_part=tool_in_part(snapshot, place.loaded_machine.machine, place.state.alignment),
             can_retract=snapshot.loops_closed,
         )
-        self._note_end(told.reason, proven=True)
+        self._note("stopped", reason=told.reason, proven=True)
         place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
     def _guarded_look(self) -> None:
@@ -300,30 +305,40 @@ class Station:
         else:
             place.tell(activity=Activity.STOPPED)
 
-    def _note_end(self, reason: str, *, proven: bool) -> None:
-        """Keep in the record how it ended; a record that cannot take it does not matter now."""
+    def _note(self, kind: str, **data: object) -> None:
+        """Keep in the record what happened; a record that cannot take it does not matter now."""
         try:
-            self._place.note("stopped", reason=reason, proven=proven)
+            self._place.note(kind, **data)
         except SessionError as error:
             self._place.alarm(error.problems[0], Priority.MEDIUM)
 
     def _look_at_chuck(self) -> None:
         place = self._place
         now_s = place.clock.now_s()
-        # Not in a cut: every look then belongs to the controller.
-        if (
-            place.shop is None
-            or place.state.activity is Activity.CUTTING
-            or now_s - self._sight_s < SIGHT_PERIOD_S
-        ):
+        period_s = SIGHT_PERIOD_IN_CUT_S if place.state.activity is Activity.CUTTING else SIGHT_PERIOD_S
+        if place.shop is None or now_s - self._sight_s < period_s:
             return
         self._sight_s = now_s
         try:
-            place.tell(seen=place.shop.look())
+            seen = place.shop.look()
         except LinkError as error:
             # Eyes on the chuck are no part of the machine: it is told, and nothing else depends on it.
             place.tell(seen=None)
             place.alarm(error.problems[0], Priority.MEDIUM)
+        else:
+            place.tell(seen=seen)
+            self._tell_collisions(seen.collisions)
+
+    def _tell_collisions(self, met: tuple[str, ...]) -> None:
+        """Raise an alarm for each collision once; a new blank has met nothing."""
+        place, known = self._place, self._met
+        self._met = met
+        if known and not met:
+            place.tell(alarms=cleared(place.state.alarms, *COLLISION_CODES))
+        fresh = [kind for kind in met if kind not in known]
+        for kind, problem in zip(fresh, collision_problems(fresh), strict=True):
+            place.alarm(problem)
+            self._note("collision", met=kind)
 
     def _watch_phase(self) -> None:
         """Say once for each cut that tool and lobe are not in phase."""

@@ -9,11 +9,10 @@ from __future__ import annotations
 import argparse
 import asyncio
 import socket
-from random import Random, SystemRandom
 
 from drivers.simulator.channel import converse
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.true_parameters import as_mounted
+from drivers.simulator.plant.true_parameters import plant_named
 from drivers.simulator.pty import PtyHost
 from drivers.simulator.real_time import ending_signals, keep_time
 from profiles.store import load_machine
@@ -27,8 +26,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="mount chuck and tool the same way each time")
     options = parser.parse_args()
     machine = load_machine(options.machine).machine
-    random = SystemRandom() if options.seed is None else Random(options.seed)
-    asyncio.run(_serve(SimulatedLathe(machine, as_mounted(machine, random)), options.channel))
+    lathe = SimulatedLathe(machine, plant_named("mounted", machine, options.seed))
+    asyncio.run(_serve(lathe, options.channel))
 
 
 async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:

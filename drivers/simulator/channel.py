@@ -1,8 +1,9 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
 It is a stream of JSON lines, one answer for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`, `{"do": "fault", "line": "..."}` (as `faults.command` says). The answer to what cannot be done
-is `{"refused": reason}`. Before anything is asked, one line `{"ready": device}` says where the card is connected.
+`{"do": "look"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null switches it off) and
+`{"do": "fault", "line": "..."}` (as `control_line` says). The answer to what cannot be done is
+`{"refused": reason}`. Before anything is asked, one line `{"ready": device}` says where the card is connected.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from drivers.simulator import control_line
 from drivers.simulator.control_address import REFUSED
-from drivers.simulator.faults import command
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import job_from_table
 from profiles.problem import ProfileError
@@ -44,6 +45,9 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
                 return asdict(lathe.look())
             case "measure":
                 return _measured(lathe)
+            case "spindle":
+                _turn_spindle(lathe, request["rpm"])
+                return {}
             case "fault":
                 return _fault(lathe, str(request["line"]))
             case unknown:
@@ -54,8 +58,15 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
         return {"refused": f"no request: {error!r}"}
 
 
+def _turn_spindle(lathe: SimulatedLathe, rpm: float | None) -> None:
+    if rpm is None:
+        lathe.stop_spindle()
+    else:
+        lathe.set_spindle_rpm(rpm)
+
+
 def _fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
-    said = command.answer(lathe, line)
+    said = control_line.answer(lathe, line)
     if said.startswith(REFUSED):
         return {"refused": said.removeprefix(REFUSED).rstrip()}
     return {"said": said}

@@ -7,6 +7,8 @@ left over has its next turn when the others have had theirs.
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 from collections.abc import Callable
 from typing import Protocol
 
@@ -111,6 +113,14 @@ class Turns:
         self.take()
 
 
+def _reset(transport: asyncio.Transport) -> None:
+    """End a connection as one that is broken: the host is not told that anybody has closed it."""
+    line = transport.get_extra_info("socket")
+    if line is not None:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    transport.abort()
+
+
 class Connection(asyncio.Protocol):
     """One host on a socket."""
 
@@ -167,7 +177,7 @@ class Connection(asyncio.Protocol):
         """Reset the connection where the cable is cut."""
         if port.lost:
             self._unplug()
-            self._transport.abort()
+            _reset(self._transport)
         return port.lost
 
     def _turn(self) -> bool:

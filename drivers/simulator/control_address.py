@@ -19,7 +19,10 @@ OK, REFUSED = "ok", "refused: "
 LONGEST_PATH = 107
 """Bytes of the path of a socket: one less than Linux has room for."""
 
-_FORM = "tcp:127.0.0.1:PORT | unix:PATH"
+LONGEST_LINE = 4096
+"""Bytes of a line there, without its end."""
+
+_FORM = f"tcp:127.0.0.1:PORT | unix:PATH, a path of {LONGEST_PATH} bytes at most"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

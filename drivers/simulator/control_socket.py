@@ -1,21 +1,30 @@
-"""The socket on which faults are asked for: a line of text each, answered as `faults.command` says."""
+"""The socket on which faults are asked for: a line of text each, answered as `control_line` says."""
 
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import socket
 import stat
 from contextlib import ExitStack, closing, suppress
 
 from drivers.link.address import TcpAddress
-from drivers.simulator.control_address import PREFIX, ControlAddress, UnixAddress
-from drivers.simulator.faults.command import answer
+from drivers.simulator.connection import Turns
+from drivers.simulator.control_address import LONGEST_LINE, PREFIX, ControlAddress, UnixAddress
+from drivers.simulator.control_line import answer
 from drivers.simulator.machine import SimulatedLathe
 
-LONGEST_LINE = 4096
+LINES_A_TURN = 4
+"""Lines that are answered in one go; between two, the machine and its hosts have a turn."""
+
+UNREAD_LIMIT = 65_536
+"""Bytes of answers that wait for a host; beyond that, nothing of it is read."""
 
 OWNER_ONLY = 0o600
+
+SERVED_WITHIN_S = 1.0
+"""How long somebody who holds a path may take to show it."""
 
 
 class ControlHost(asyncio.Protocol):
@@ -23,27 +32,63 @@ class ControlHost(asyncio.Protocol):
 
     def __init__(self, lathe: SimulatedLathe) -> None:
         self._lathe = lathe
-        self._received = b""
+        self._received = bytearray()
+        self._ended = self._full = False
+        self._turns = Turns(self._turn)
         self._transport: asyncio.Transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep the way back."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
+        transport.set_write_buffer_limits(high=UNREAD_LIMIT)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The host is gone, and what it has sent with it."""
+        self._turns.end()
 
     def data_received(self, data: bytes) -> None:
         """Answer each line that is complete; who sends one without an end is left."""
-        *lines, self._received = (self._received + data).split(b"\n")
-        for line in lines:
-            self._transport.write(answer(self._lathe, line.decode("utf-8", "replace")).encode("utf-8", "replace"))
-        if len(self._received) > LONGEST_LINE:
-            self._transport.abort()
+        self._received += data
+        self._turns.take()
 
     def eof_received(self) -> bool:
         """A last line may lack its end. The connection is closed behind the answers."""
-        if self._received.strip():
-            self.data_received(b"\n")
-        return False
+        if self._received.rpartition(b"\n")[2].strip():
+            self._received += b"\n"
+        self._ended = True
+        self._turns.take()
+        return True
+
+    def pause_writing(self) -> None:
+        """The host does not read."""
+        self._full = True
+
+    def resume_writing(self) -> None:
+        """It does again."""
+        self._full = False
+        self._turns.take()
+
+    def _turn(self) -> bool:
+        """Answer the next few lines; return whether there are more that can be answered."""
+        for _ in range(LINES_A_TURN):
+            end = self._received.find(b"\n")
+            if end < 0 or self._full:
+                break
+            line = bytes(self._received[: min(end, LONGEST_LINE + 1)])
+            del self._received[: end + 1]
+            self._transport.write(answer(self._lathe, line.decode("utf-8", "replace")).encode("utf-8", "replace"))
+        more = b"\n" in self._received
+        if more or self._full:
+            if not self._ended:
+                self._transport.pause_reading()
+        elif self._ended:
+            self._transport.close()
+        elif len(self._received) > LONGEST_LINE:
+            self._transport.abort()
+        else:
+            self._transport.resume_reading()
+        return more and not self._full
 
 
 async def listen_for_control(lathe: SimulatedLathe, address: ControlAddress, opened: ExitStack) -> str:
@@ -81,11 +126,15 @@ def _bind(listening: socket.socket, address: UnixAddress) -> None:
 def _served(path: str) -> bool:
     """Whether somebody listens on a socket."""
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as probe:
+        probe.settimeout(SERVED_WITHIN_S)
         try:
             probe.connect(path)
         except ConnectionRefusedError:
             return False
-        return True
+        except OSError as error:
+            if error.errno != errno.EAGAIN and not isinstance(error, TimeoutError):
+                raise
+        return True  # as also where so many wait to be served that there is no room for another
 
 
 def _remove(path: str, inode: int) -> None:

@@ -10,6 +10,7 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.home_sensor import HomeSensor
 from drivers.simulator.plant.axis import IdealAxis
 from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
+from drivers.simulator.plant.ends import ends_at
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
 from drivers.simulator.plant.spindle import Spindle
 from drivers.simulator.plant.true_parameters import TrueParameters
@@ -56,11 +57,12 @@ def build_drives(machine: MachineProfile, true: TrueParameters, settings: dict[i
 
     spindle = _spindle_drive(machine, true, setting)
     cycle_s = _cycle_s(machine)
-    start_counts = true.carriage_start_mm * machine.carriage.counts_per_mm
+    per_mm = machine.carriage.counts_per_mm
+    start_counts = true.carriage_start_mm * per_mm
     return Drives(
         tool=_tool(machine, true, setting),
-        spindle=Spindle(spindle, machine.spindle.counts_per_rev * true.belt_ratio),
-        carriage=IdealAxis(cycle_s, true.coast_s, origin=start_counts),
+        spindle=Spindle(spindle, machine.spindle.counts_per_rev * true.belt_ratio, cycle_s),
+        carriage=IdealAxis(cycle_s, true.coast_s, start_counts, ends_at(true.carriage_ends_mm, per_mm)),
         inverter=spindle if isinstance(spindle, InverterSpindle) else None,
         machine=machine,
     )
@@ -78,7 +80,8 @@ def _tool(machine: MachineProfile, true: TrueParameters, setting: MotorVariable)
         friction_n=true.coulomb_friction_n,
     )
     start_counts = true.tool_start_mm * tool.counts_per_mm
-    return ServoAxis(slide, _gains(tool.motor, setting), _cycle_s(machine), origin=start_counts)
+    ends = ends_at(true.tool_ends_mm, tool.counts_per_mm)
+    return ServoAxis(slide, _gains(tool.motor, setting), _cycle_s(machine), start_counts, ends)
 
 
 def _spindle_drive(

@@ -89,6 +89,11 @@ class SimulatedLathe:
             port.disconnect()
             self._ports.remove(port)
 
+    def forget(self, port: Port) -> None:
+        """Unplug one without a word: a buffer that it has opened stays open."""
+        if port in self._ports:
+            self._ports.remove(port)
+
     def attend(self, port: Port) -> None:
         """Let the card look at one host now, between two background cycles; no time passes."""
         if not self.lines.slow:
@@ -102,6 +107,7 @@ class SimulatedLathe:
             port.power_up()
             if port.on_board:
                 self._cut_off(port)
+        self.faults.power_up()
         self.faults.follow()
 
     def now_s(self) -> float:
@@ -176,6 +182,7 @@ class SimulatedLathe:
             lines=self.lines,
             background=self._background,
             cut=self._cut_off_all,
+            card=self,
         )
 
     def _cut_off(self, port: Port) -> None:

@@ -263,7 +263,7 @@ class Port:
         if part == BACKSPACE:
             del self._line[-1:]
         elif part == SUM:
-            self._outbox.say(bytes((replies.checksum(self._line),)))
+            self._outbox.reply(bytes((replies.checksum(self._line),)))
         elif part == RECALL:
             self._share.spend(len(self._last_line) // _REPORTED_A_VALUE)
             self._answer(self._last_line.decode("latin-1"))

@@ -21,6 +21,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
+from drivers.simulator.control_address import LONGEST_LINE
+from drivers.simulator.pty_name import remove_name
 from drivers.simulator.shop_view import ShopView
 from profiles.files import printable
 from profiles.job import Job
@@ -96,7 +98,16 @@ class SimulatorProcess:
         Raises:
             LinkError: `simulator.gone`.
         """
-        return ShopView(**self._ask("look"))
+        said = self._ask("look")
+        return ShopView(**{**said, "collisions": tuple(said["collisions"])})
+
+    def set_spindle(self, rpm: float | None) -> None:
+        """Set a spindle on an inverter as at the lathe: it ramps to `rpm`, or runs out where that is None.
+
+        Raises:
+            LinkError: `simulator.gone`; `simulator.refused`, the card drives this spindle, or not as fast.
+        """
+        self._ask("spindle", rpm=rpm)
 
     def fault(self, line: str) -> str:
         """Ask for a fault, or about faults, in a line as on the control socket; return the lines of the answer.
@@ -104,12 +115,14 @@ class SimulatorProcess:
         Raises:
             LinkError: `simulator.gone`; `simulator.refused`, with the allowed range.
         """
+        if len(line.encode("utf-8", "replace")) > LONGEST_LINE:
+            raise self._error("simulator.refused", "fault", f"a line has at most {LONGEST_LINE} bytes")
         return str(self._ask("fault", line=line)["said"])
 
     def close(self) -> None:
         """Ask it to end, and end it when it does not. Safe to call twice."""
         if not self._over:
-            self._over = self._child.end(ConnectionError("closed"))
+            self._end(ConnectionError("closed"))
 
     def _ask(self, what: str, **content: Any) -> dict[str, Any]:
         if self._over:
@@ -118,11 +131,16 @@ class SimulatorProcess:
             said = self._child.ask({"do": what, **content})
         except (OSError, ValueError) as error:
             # What was asked may yet be answered: nothing that came later would answer what is asked then.
-            self._over = self._child.end(error)
+            self._end(error)
             raise self._error("simulator.gone", what, self._over) from error
         if "refused" in said:
             raise self._error("simulator.refused", what, str(said["refused"]))
         return said
+
+    def _end(self, cause: Exception) -> None:
+        """End the process; a name that it has left would lead to whoever has that pseudo-terminal next."""
+        self._over = self._child.end(cause)
+        remove_name(self.address.device)
 
     def _error(self, code: str, what: str, reason: str) -> LinkError:
         return LinkError(Problem(code=code, where=str(self.address), key=what, value=reason))

@@ -5,35 +5,43 @@ from __future__ import annotations
 import asyncio
 import os
 import tty
-from collections.abc import Callable
+from contextlib import suppress
 
 from drivers.simulator.connection import SLOW_READER, UNREAD_LIMIT, PlainStream, Turns
 from drivers.simulator.control_characters import CONTROL_X
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.pty_name import StableName, remove_name
 
 CHUNK = 4096
 
-PATIENCE_FLUSHES = 200
-"""How often a line that was cut looks for its old name before it takes another: about a second."""
-
 
 class PtyHost:
-    """The one host of the line; `device` is where it finds it.
+    """The one host of the line; `device` is where it finds it, a name of our own.
 
     Like a serial line it is always there: what a host that goes has left, the next one finds. Only a cut cable
-    hangs it up. Then it comes back where it was once the last host has let go of it, or else under another name,
-    which `renamed` is told.
+    hangs it up. Then the name is gone, and comes back with another pseudo-terminal behind it.
     """
 
-    def __init__(self, lathe: SimulatedLathe, renamed: Callable[[str], None] = lambda _: None) -> None:
-        """Make the pseudo-terminal, and listen on it in the running event loop."""
+    def __init__(self, lathe: SimulatedLathe) -> None:
+        """Make the pseudo-terminal, and listen on it in the running event loop.
+
+        Raises:
+            OSError: it cannot be done.
+        """
         self._lathe = lathe
-        self._renamed = renamed
         self._loop = asyncio.get_running_loop()
         self._open = False
-        self.device = ""
-        self._patience = PATIENCE_FLUSHES
-        self._plug_in(*os.openpty())
+        self._name = StableName()
+        try:
+            self._plug_in()
+        except OSError:
+            remove_name(self.device)
+            raise
+
+    @property
+    def device(self) -> str:
+        """Where a host finds it, whichever pseudo-terminal that is."""
+        return self._name.path
 
     def flush(self) -> None:
         """Send what the card has answered and the line takes, and read on when the card has room again.
@@ -41,28 +49,39 @@ class PtyHost:
         Without a handshake, what nobody reads is lost in the end.
         """
         if self._open and self._port.lost:
-            self.close()
+            self._hang_up()
         if self._open:
             self._turns.take()
         elif not self._lathe.lines.cut:
-            self._plug_in_again()
+            with suppress(OSError):  # there is none left at the moment: the next flush tries again
+                self._plug_in()
 
     def close(self) -> None:
-        """Hang up."""
+        """Hang up for good."""
+        self._hang_up()
+        remove_name(self.device)
+
+    def _hang_up(self) -> None:
         if not self._open:
             return
         self._open = False
+        self._name.withdraw()
         self._turns.end()
         self._loop.remove_reader(self._line)
         os.close(self._line)
         os.close(self._far_end)
 
-    def _plug_in(self, line: int, far_end: int) -> None:
+    def _plug_in(self) -> None:
         # The far end stays open here: a host that closes it would otherwise hang up the whole line.
-        self._line, self._far_end = line, far_end
-        tty.setraw(far_end)
-        os.set_blocking(line, False)
-        self.device = os.ttyname(far_end)
+        self._line, self._far_end = os.openpty()
+        try:
+            tty.setraw(self._far_end)
+            self._name.point_at(os.ttyname(self._far_end))
+        except OSError:
+            os.close(self._line)
+            os.close(self._far_end)
+            raise
+        os.set_blocking(self._line, False)
         self._port = self._lathe.connect()
         self._stream = PlainStream(self._lathe, self._port)
         self._unsent = bytearray()
@@ -70,19 +89,6 @@ class PtyHost:
         self._reading = False
         self._open = True
         self._hold_back()
-
-    def _plug_in_again(self) -> None:
-        ends = os.openpty()
-        name, before = os.ttyname(ends[1]), self.device
-        if name != before and self._patience > 0:
-            self._patience -= 1
-            for end in ends:
-                os.close(end)
-            return
-        self._patience = PATIENCE_FLUSHES
-        self._plug_in(*ends)
-        if name != before:
-            self._renamed(name)
 
     def _receive(self) -> None:
         if self._port.lost:

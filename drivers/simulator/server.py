@@ -40,8 +40,7 @@ class Listeners:
 def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float = 1.0) -> None:
     """Serve until SIGINT, SIGTERM or SIGHUP; simulated time runs `speed` times as fast as real time.
 
-    Once all of them can be connected, `ready` is told each address, such as `tcp:127.0.0.1:1025`; later, that of a
-    serial line that comes back under another name after its cable was cut.
+    Once all of them can be connected, `ready` is told each address, such as `tcp:127.0.0.1:1025`.
 
     Raises:
         LinkError: `link.cannot_listen`.
@@ -53,7 +52,7 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
     ended = ending_signals()
     hosts: set[Host] = set()
     with ExitStack() as opened:
-        addresses = [address async for address in _listen(lathe, listeners, hosts, opened, ready)]
+        addresses = [address async for address in _listen(lathe, listeners, hosts, opened)]
         for address in addresses:
             ready(address)
         await keep_time(lathe, hosts, ended.wait(), speed=speed)
@@ -66,7 +65,6 @@ async def _listen(
     listeners: Listeners,
     hosts: set[Host],
     opened: ExitStack,
-    ready: Callable[[str], None],
 ) -> AsyncIterator[str]:
     """Listen everywhere; yield the addresses that were bound. `opened` closes them."""
     board = Board()
@@ -77,7 +75,7 @@ async def _listen(
         yield await _bind("ethernet", listeners.ethernet, lambda: Connection(lathe, hosts, session), opened)
     if listeners.pty:
         try:
-            line = PtyHost(lathe, lambda device: ready(str(SerialAddress(device=device))))
+            line = PtyHost(lathe)
         except OSError as error:
             raise _refusal("pty", error) from error
         opened.callback(line.close)

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from drivers.simulator.plant.driven_mass import DrivenMass
 from drivers.simulator.plant.encoder import read_encoder
+from drivers.simulator.plant.ends import Ends
 from drivers.simulator.plant.friction import DrySlide
 
 
@@ -66,13 +67,25 @@ class ServoAxis:
     """The loop of one motor: encoder, PID, output limit and one cycle of output delay, round a driven mass.
 
     It is stepped a block of servo cycles at a time, and carries the state of the iron with its own: position and
-    speed are the only two numbers that pass between them in each cycle.
+    speed are the only two numbers that pass between them in each cycle. `at_end` is whether an end of its travel
+    has held the iron in the last block.
     """
 
-    def __init__(self, mass: DrivenMass, gains: ServoGains, cycle_s: float, origin: float = 0.0) -> None:
+    def __init__(
+        self,
+        mass: DrivenMass,
+        gains: ServoGains,
+        cycle_s: float,
+        origin: float = 0.0,
+        ends: Ends | None = None,
+    ) -> None:
         self.origin = origin
         self.encoder_lost = False
         self.jammed = False
+        self.at_end = False
+        self._ends = ends
+        self._cycle_s = cycle_s
+        self._most_acceleration = mass.peak_output_bits * mass.acceleration_per_bit
         self._peak_bits = mass.peak_output_bits
         self._plant = mass.held(cycle_s)
         self._slide = DrySlide(mass, cycle_s) if mass.friction else None
@@ -125,7 +138,8 @@ class ServoAxis:
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Close the loop over the block. The local names are for speed: this is the innermost loop of all."""
-        if self.encoder_lost or self.jammed or self._slide:
+        self.at_end = False
+        if self.encoder_lost or self.jammed or self._slide or self._may_meet_end(len(commands)):
             return self._follow_hindered(commands)
         x, v, force = self._x, self._v, self._force
         last, last_step, last_encoder = self._command, self._command_step, self._encoder
@@ -174,6 +188,7 @@ class ServoAxis:
     def _drift(self, held: float, cycles: int) -> list[float]:
         """Run in open loop."""
         positions = []
+        self.at_end = False
         for _ in range(cycles):
             positions.append(self._x)
             self._read()
@@ -224,5 +239,17 @@ class ServoAxis:
             self._x, self._v = self._slide.step(self._x, self._v, self._force)
         else:
             plant, v, force = self._plant, self._v, self._force
-            self._x += plant.glide * v + plant.push_x * force
+            # In the order of `follow`, to the last bit: which of the two it is, nobody is to see.
+            self._x = self._x + plant.glide * v + plant.push_x * force
             self._v = plant.decay * v + plant.push_v * force
+        ends = self._ends
+        if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:
+            self._x, self._v, self.at_end = ends.holds(self._x + self.origin) - self.origin, 0.0, True
+
+    def _may_meet_end(self, cycles: int) -> bool:
+        """Whether an end of travel is near enough to be met within so many cycles."""
+        if self._ends is None:
+            return False
+        time_s, place = cycles * self._cycle_s, self._x + self.origin
+        reach = (abs(self._v) + self._most_acceleration * time_s) * time_s
+        return not self._ends.lowest + reach < place < self._ends.highest - reach

@@ -27,6 +27,7 @@ class ShopFloor:
         self._machine = machine
         self._true = true
         self._inverter = drives.inverter
+        self._tool, self._carriage = drives.tool, drives.carriage
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
         self._clampings = Random(true.clamping_seed)
         self._watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
@@ -88,7 +89,7 @@ class ShopFloor:
             end_ms=end_ms,
             cycle_ms=machine.controller.servo_period_ms,
         )
-        self._watch.look(track)
+        self._watch.look(track, at_end=self._tool.at_end or self._carriage.at_end)
         if self._part is None:
             return
         if self._inverter is not None:

@@ -29,10 +29,11 @@ class Background:
         self._lines = lines
         self._last = controller.cycles
         self._cycle_ms = 0.0
+        self.tripped_s: float | None = None
 
     @property
     def tripped(self) -> bool:
-        """Whether the watchdog has tripped."""
+        """Whether the watchdog has tripped; `tripped_s` is when."""
         return self._lines.dead
 
     def slow_down(self, cycle_ms: float) -> None:
@@ -57,6 +58,9 @@ class Background:
 
     def trip(self) -> None:
         """Shut the card down."""
+        if self.tripped:
+            return
+        self.tripped_s = self._lines.now_s()
         self._lines.dead = self._controller.watchdog_tripped = True
         self._controller.kill_all()
         self._controller.plcs.disable_all()
@@ -67,5 +71,5 @@ class Background:
         tripped = self.tripped
         self._controller.reset()
         self._controller.watchdog_tripped = tripped
-        self._lines.dead = False
+        self._lines.dead, self.tripped_s = False, None
         self._last = self._controller.cycles

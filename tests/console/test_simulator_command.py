@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 
 from console.cli.parser import DIALECTS as OFFERED
+from console.cli.parser import PLANTS as OFFERED_PLANTS
 from drivers.link.address import TcpAddress
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.control_address import UnixAddress
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import PLANTS
 from drivers.simulator.server import Listeners
 
 Console = Callable[..., Any]
@@ -131,3 +133,73 @@ def test_a_file_that_save_did_not_write_is_refused_before_anything_listens(
     assert result.code == 1
     assert "notes.json" in result.err
     assert served == []
+
+
+@pytest.fixture
+def lathes(monkeypatch: pytest.MonkeyPatch) -> list[SimulatedLathe]:
+    """The lathes that were to be served, by a server that ends at once."""
+    served: list[SimulatedLathe] = []
+    monkeypatch.setattr("drivers.simulator.server.serve", lambda lathe, *_: served.append(lathe))
+    return served
+
+
+def test_the_plants_are_those_that_there_are_and_no_others(console: Console) -> None:
+    assert sorted(OFFERED_PLANTS) == sorted(PLANTS)
+    said = console("simulator", *TCP, "--plant", "new")
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(word in said.err for word in ("--plant", "new", *OFFERED_PLANTS))
+
+
+def jaw_1_deg(lathe: SimulatedLathe) -> float:
+    return lathe.look().jaw_1_past_mark_deg
+
+
+def test_without_a_word_the_lathe_is_as_its_profile_says(console: Console, lathes: list[SimulatedLathe]) -> None:
+    """Left 0.3456 turns from its index, where jaw 1 is: 124.42 deg."""
+    for words in ((), ("--plant", "ideal")):
+        assert console("simulator", *TCP, *words).code == 0
+    assert [jaw_1_deg(lathe) for lathe in lathes] == [124.42, 124.42]
+
+
+@pytest.mark.parametrize("plant", ["mounted", "realistic"])
+def test_chance_is_drawn_from_the_seed(console: Console, lathes: list[SimulatedLathe], plant: str) -> None:
+    for words in (("--seed", "7"), ("--seed", "7"), ("--seed", "8"), (), ()):
+        assert console("simulator", *TCP, "--plant", plant, *words).code == 0
+    jaws = [jaw_1_deg(lathe) for lathe in lathes]
+    assert jaws[0] == jaws[1]
+    assert len(set(jaws)) > 2
+
+
+def test_a_realistic_spindle_is_heavier_than_a_mounted_one(console: Console, lathes: list[SimulatedLathe]) -> None:
+    """With the same torque, by the 20 % that it has more inertia."""
+    ways = []
+    for plant in ("mounted", "realistic"):
+        console("simulator", *TCP, "--plant", plant, "--seed", "7")
+        port = lathes[-1].connect()
+        port.receive(b"#2O10\r")
+        motor = lathes[-1].controller.motors[2]
+        before = motor.actual
+        lathes[-1].wait(0.02)
+        ways.append(motor.actual - before)
+    assert ways[0] / ways[1] == pytest.approx(1.2, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", ["", "-1", "1.5", "x", "\u0663", "4294967296"])
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_what_is_no_seed_is_refused_with_the_range(
+    console: Console, lathes: list[SimulatedLathe], seed: str, language: str
+) -> None:
+    said = console("simulator", *TCP, "--plant", "mounted", f"--seed={seed}", "--lang", language)
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(word in said.err for word in ("--seed", "4294967295"))
+    assert lathes == []
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_seed_for_a_lathe_without_chance_is_refused(
+    console: Console, lathes: list[SimulatedLathe], language: str
+) -> None:
+    said = console("simulator", *TCP, "--seed", "7", "--lang", language)
+    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert all(word in said.err for word in ("--seed", "--plant", "mounted", "realistic"))
+    assert lathes == []

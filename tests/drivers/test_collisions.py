@@ -11,7 +11,14 @@ import pytest
 
 from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.collision import Clamped, Collision, CollisionKind, CollisionWatch, Track
+from drivers.simulator.plant.collision import (
+    Clamped,
+    Collision,
+    CollisionKind,
+    CollisionWatch,
+    Track,
+    clamped,
+)
 from drivers.simulator.plant.true_parameters import ideal
 from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
@@ -90,8 +97,36 @@ def test_a_rapid_over_the_part_or_in_what_is_cut_is_none() -> None:
 def test_deeper_than_the_tool_takes_and_through_the_wall_are_two_crashes() -> None:
     radius_mm = (26.0 - np.arange(330) * 0.01).tolist()
     found = seen(radius_mm, 180.0)
-    assert kinds(found) == ["too_deep", "through_wall"]
-    assert [round(collision.radius_mm, 2) for collision in found] == [24.87, 23.49]
+    # 0.01 mm in 0.0074 turns are more than 1 mm a turn.
+    assert kinds(found) == ["infeed", "too_deep", "through_wall"]
+    assert [round(collision.radius_mm, 2) for collision in found] == [25.82, 24.87, 23.49]
+
+
+@pytest.mark.parametrize(("speed_mm_per_s", "crashes"), [(15.0, False), (18.0, True)])
+def test_a_tool_that_goes_in_by_more_than_it_takes_a_turn_is_a_crash(speed_mm_per_s: float, crashes: bool) -> None:
+    """1000 rpm are 16.7 turns a second, and so many mm/s at 1 mm a turn; 0.5 mm deep."""
+    depth_mm = np.minimum(np.arange(330) * CYCLE_MS / 1000.0 * speed_mm_per_s, 0.5)
+    assert kinds(seen((26.0 - depth_mm).tolist(), 180.0)) == (["infeed"] if crashes else [])
+
+
+def test_however_fast_the_tool_goes_in_to_its_cut_is_no_crash(experiment: JobMaker) -> None:
+    """As the printed program does, and as lobes do each turn: 0.1275 mm is the cut, 0.05 mm is a touch."""
+    part = clamped(experiment(1), JAW_FACE_MM)
+    for depth_mm, found in ((0.17, []), (0.19, ["infeed"])):
+        radius_mm = [26.0] * 11 + [26.0 - depth_mm] * 33
+        assert kinds(seen(radius_mm, 180.0, part=part)) == found
+
+
+@pytest.mark.parametrize(("surface_mm", "crashes"), [(26.0, True), (25.9, False)])
+def test_a_spindle_that_turns_backwards_in_the_part_is_a_crash(surface_mm: float, crashes: bool) -> None:
+    found = seen([26.5] * 11 + [25.9] * 22, 180.0, turning=-TURNING, surface_mm=surface_mm)
+    assert kinds(found) == (["reverse"] if crashes else [])
+
+
+def test_an_angle_is_less_than_a_turn() -> None:
+    """Also just before the index: the remainder of -1e-20 is 1.0."""
+    (found,) = seen(25.0, 180.0, turning=-1e-20)
+    assert found.angle_deg < 360.0
 
 
 @pytest.mark.parametrize(
@@ -145,7 +180,7 @@ def begin(bench: Bench, plan: CutPlan) -> None:
     bench.lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     bench.lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
     bench.lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    bench.lathe.start(plan.program.number)
+    bench.lathe.start(plan.program.number, plan.setup.retracted)
 
 
 @pytest.mark.parametrize("number", [1, 2])
@@ -158,7 +193,7 @@ def test_a_planned_cut_meets_nothing(
     begin(bench, plan)
     bench.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
     assert bench.sim.collisions == ()
-    assert bench.sim.look().collision is None
+    assert bench.sim.look().collisions == ()
 
 
 def printed_program() -> list[str]:
@@ -186,8 +221,8 @@ def test_the_last_line_of_the_printed_program_is_a_crash(bench: Bench, experimen
     assert kinds(bench.sim.collisions) == []
     bench.client.request("M26=1")
     bench.settle()
-    found = bench.sim.look().collision, *kinds(bench.sim.collisions)
-    assert found == ("too_deep", "standing_part", "too_deep")
+    assert kinds(bench.sim.collisions) == ["standing_part", "too_deep"]
+    assert bench.sim.look().collisions == ("standing_part", "too_deep")
     plunge = bench.sim.collisions[-1]
     assert plunge.radius_mm == pytest.approx(24.8725, abs=0.05)
     assert plunge.z_mm == pytest.approx(174.0, abs=1e-6)

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from drivers.errors import RefusedError
 from drivers.simulator.channel import answer as answer_on_channel
+from drivers.simulator.control_line import answer
 from drivers.simulator.faults.catalogue import CATALOGUE, Fault
-from drivers.simulator.faults.command import answer
 from drivers.simulator.faults.parameter import Parameter, Value
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
@@ -96,10 +96,20 @@ def test_several_are_listed_in_the_order_in_which_they_were_asked_for(lathe: Sim
     ("name", "given", "key", "value", "limit"),
     [
         ("no-such", {}, "fault", "no-such", "split-segments, dropped-ack"),
-        ("hang", {"delay_ms": 3}, "parameter", "delay_ms", "after, for, seed"),
-        ("hang", {"after_s": -1}, "after", "-1", "0 <= after <= 86400"),
-        ("hang", {"for_s": 0}, "for", "0", "0 < for <= 86400"),
-        ("hang", {"for_s": float("nan")}, "for", "nan", "0 < for <= 86400"),
+        ("hang", {"delay_ms": 3}, "parameter", "delay_ms", "after_s, for_s, seed"),
+        ("hang", {"after_s": -1}, "after_s", "-1", "0 <= after_s <= 86400"),
+        ("hang", {"after_s": 10**400}, "after_s", "an integer that is too large", "0 <= after_s <= 86400"),
+        ("hang", {"after_s": 10**5000}, "after_s", "an integer that is too large", "0 <= after_s <= 86400"),
+        ("hang", {"after_s": None}, "after_s", "None", "0 <= after_s <= 86400"),
+        ("hang", {"after_s": [1]}, "after_s", "[1]", "0 <= after_s <= 86400"),
+        ("hang", {"after_s": True}, "after_s", "True", "0 <= after_s <= 86400"),
+        ("hang", {"after_s": b"1"}, "after_s", "b'1'", "0 <= after_s <= 86400"),
+        ("hang", {"for_s": 0}, "for_s", "0", "0 < for_s <= 86400"),
+        ("hang", {"for_s": float("nan")}, "for_s", "nan", "0 < for_s <= 86400"),
+        ("nul", {"seed": "1_0"}, "seed", "1_0", "0 <= seed <= 1e+09, whole"),
+        ("nul", {"seed": "\u0661"}, "seed", "\\u0661", "0 <= seed <= 1e+09, whole"),
+        ("nul", {"seed": " 1"}, "seed", " 1", "0 <= seed <= 1e+09, whole"),
+        ("nul", {"share": "x" * 200}, "share", "x" * 80 + "...", "0 < share <= 1"),
         ("nul", {"seed": 0.5}, "seed", "0.5", "0 <= seed <= 1e+09, whole"),
         ("nul", {"share": 0}, "share", "0", "0 < share <= 1"),
         ("nul", {"share": "half"}, "share", "half", "0 < share <= 1"),
@@ -109,7 +119,7 @@ def test_several_are_listed_in_the_order_in_which_they_were_asked_for(lathe: Sim
         ("slow-background", {"cycle_ms": 9}, "cycle_ms", "9", "10 <= cycle_ms <= 10000"),
         ("stranger-writes", {"line": "P1\r"}, "line", "P1\\r", "a line of printable characters"),
         ("stranger-writes", {"line": ""}, "line", "", "a line of printable characters"),
-        ("watchdog", {"for_s": 1}, "parameter", "for", "after, seed"),
+        ("watchdog", {"for_s": 1}, "parameter", "for_s", "after_s, seed"),
     ],
 )
 def test_what_is_refused_says_what_with_which_value_and_what_is_allowed(
@@ -139,6 +149,46 @@ def test_defaults_and_both_ends_of_each_range_are_allowed(fault: Fault, paramete
     assert parameter.default is None or parameter.check(parameter.default, fault.name) == parameter.default
 
 
+def test_there_are_a_thousand_at_once_and_no_more(lathe: SimulatedLathe) -> None:
+    for _ in range(1000):
+        lathe.faults.inject("nul", after_s=9)
+    assert problem_of(lambda: lathe.faults.inject("hang")) == (
+        "hang",
+        "fault",
+        "1001",
+        "1000 at once; `clear` ends them",
+    )
+    lathe.faults.clear()
+    lathe.faults.inject("hang")
+
+
+def test_a_card_that_a_slow_background_has_killed_is_told_as_dead(lathe: SimulatedLathe) -> None:
+    """512 real-time interrupts of 3 servo cycles are 0.68 s."""
+    lathe.faults.inject("slow-background", cycle_ms=10_000)
+    lathe.wait(1.0)
+    *_, told, verdict = answer(lathe, "active").splitlines()
+    found = re.fullmatch(r"card shut down by its watchdog at (\d\.\d{3}) s; power-cycle", told)
+    assert verdict == "ok"
+    assert found is not None
+    assert float(found[1]) == pytest.approx(0.68, abs=0.01)
+    assert answer(lathe, "clear") == f"{told}\nok\n"
+    assert answer(lathe, "active") == f"{told}\nok\n"
+    assert answer(lathe, "power-cycle") == "ok\n"
+    assert answer(lathe, "active") == "ok\n"
+
+
+def test_two_watchdogs_are_both_over_with_a_power_cycle(lathe: SimulatedLathe) -> None:
+    lathe.faults.inject("watchdog")
+    lathe.faults.inject("watchdog")
+    lathe.faults.inject("watchdog", after_s=1.0)
+    lathe.power_cycle()
+    port = lathe.connect()
+    port.receive(b"I3=2\rP1\r")
+    lathe.wait(0.02)
+    assert port.take_output().endswith(b"0\r\x06")
+    assert answer(lathe, "active") == "watchdog seed=0, at 1.000 s (waits)\nok\n"
+
+
 def test_a_line_of_text_does_the_same_as_a_call(lathe: SimulatedLathe) -> None:
     said = answer(lathe, "inject late-reply after=1.5 for=0.2 delay_ms=300 share=0.5 seed=3")
     assert said.splitlines() == [
@@ -159,8 +209,9 @@ def test_the_words_of_the_control_socket(lathe: SimulatedLathe) -> None:
     assert answer(lathe, "active") == "ok\n"
     assert answer(lathe, "inject stranger-writes 'line=P1=3 P2=4'").endswith("\nok\n")
     assert answer(lathe, "inject watchdog").endswith("\nok\n")
-    assert answer(lathe, "active") == "watchdog seed=0, at 0.000 s\nok\n"
-    assert answer(lathe, "clear") == "ok\n"
+    shut_down = "card shut down by its watchdog at 0.000 s; power-cycle\n"
+    assert answer(lathe, "active") == f"watchdog seed=0, at 0.000 s\n{shut_down}ok\n"
+    assert answer(lathe, "clear") == f"{shut_down}ok\n"
     assert lathe.controller.watchdog_tripped
     assert answer(lathe, "power-cycle") == "ok\n"
     assert answer(lathe, "active") == "ok\n"

@@ -228,7 +228,7 @@ def test_people_read_a_line_for_each_address() -> None:
         process.terminate()
         assert process.wait(PATIENCE_S) == 0
     assert re.fullmatch(r"SIM  lee-2001-lathe .* ethernet:127\.0\.0\.1:\d+\n", lines[0])
-    assert re.fullmatch(r"SIM  lee-2001-lathe .* serial:/dev/pts/\d+\n", lines[1])
+    assert re.fullmatch(r"SIM  lee-2001-lathe .* serial:/\S+/trilobe-\w+/pmac\n", lines[1])
 
 
 def test_what_was_saved_outlives_the_power(serve: Serve, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import signal
 import subprocess
@@ -130,6 +131,26 @@ def test_two_lathes_are_set_up_differently_unless_they_have_the_same_seed() -> N
         simulator.close()
     assert seen[0] == seen[1]
     assert seen[2] != seen[3]
+
+
+def test_a_spindle_that_the_card_drives_is_not_set_by_hand(simulator: SimulatorProcess) -> None:
+    assert code_of(lambda: simulator.set_spindle(800.0)) == "simulator.refused"
+    assert code_of(lambda: simulator.set_spindle(None)) == "simulator.refused"
+    assert simulator.look().collisions == ()
+
+
+def test_a_spindle_on_an_inverter_is_set_and_runs_out(tmp_path: Path) -> None:
+    """60 rpm in 0.12 s, and at least 0.1 turns a second then."""
+    inverter = '[spindle]\ndrive = "inverter"\nramp_rpm_per_s = 500.0\nslip_rpm = 60.0'
+    text = MACHINE.read_text(encoding="utf-8").replace("[spindle]", inverter)
+    machine = tmp_path / "inverter.toml"
+    machine.write_text(re.sub(r'"#2->[^"]*"', '"#2->0"', text), encoding="utf-8")
+    simulator = SimulatorProcess.start(machine, seed=1)
+    seen_deg = simulator.look().jaw_1_past_mark_deg
+    simulator.set_spindle(60.0)
+    wait_until(lambda: simulator.look().jaw_1_past_mark_deg != seen_deg)
+    simulator.set_spindle(None)
+    simulator.close()
 
 
 def test_what_cannot_be_done_is_refused_and_the_next_request_is_answered(simulator: SimulatorProcess) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -29,8 +29,10 @@ class Fault:
     parameters: tuple[Parameter, ...] = ()
     moment: bool = False
 
-    def settle(self, given: Mapping[str, Value]) -> dict[str, Value]:
+    def settle(self, given: Mapping[str, Value], times: Iterable[str]) -> dict[str, Value]:
         """Return the value of each parameter, as it was given or by default.
+
+        `times` is what else can be given: a refusal names it, too.
 
         Raises:
             RefusedError: `simulator.fault`, one is not known or out of range.
@@ -38,7 +40,7 @@ class Fault:
         known = {parameter.name: parameter for parameter in self.parameters}
         for name in given:
             if name not in known:
-                raise refusal(self.name, "parameter", name, ", ".join([*known, *(p.name for p in self.times)]))
+                raise refusal(self.name, "parameter", name, ", ".join([*known, *times]))
         values = {name: parameter.default for name, parameter in known.items() if parameter.default is not None}
         return values | {name: known[name].check(value, self.name) for name, value in given.items()}
 
@@ -178,7 +180,7 @@ _CARD = (
     ),
     Fault(
         name="stranger-writes",
-        does="Another host sends a line. What it answers is not heard here, and nothing is undone.",
+        does="Another host sends a line, reads its answer, and goes. No other host hears of it.",
         concerns=Concerns.CARD,
         parameters=(
             Parameter(
@@ -200,7 +202,7 @@ def find(name: str) -> Fault:
     Raises:
         RefusedError: `simulator.fault`, there is none.
     """
-    if name not in CATALOGUE:
-        shown = ascii(name)[1:-1][:40]
+    if not isinstance(name, str) or name not in CATALOGUE:
+        shown = ascii(str(name))[1:-1][:40]
         raise refusal(shown, "fault", shown, ", ".join(CATALOGUE))
     return CATALOGUE[name]

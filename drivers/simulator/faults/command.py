@@ -1,26 +1,21 @@
-"""Faults asked for in a line of text, as it is typed: `inject late-reply after=1.5 for=0.2 delay_ms=300 seed=3`.
-
-An answer is some lines, the last of which is `ok` or `refused: ...`.
-"""
+"""Faults asked for in words, as they are typed: `inject late-reply after=1.5 for=0.2 delay_ms=300 seed=3`."""
 
 from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
-from drivers.errors import RefusedError
-from drivers.simulator.control_address import OK, REFUSED
 from drivers.simulator.faults.board import FaultBoard, Injected
-from drivers.simulator.faults.catalogue import AFTER, CATALOGUE, FOR, SEED, find
+from drivers.simulator.faults.catalogue import CATALOGUE, find
 from drivers.simulator.faults.parameter import Parameter, Value, refusal
 
-WORDS = ("list", "help NAME", "inject NAME [KEY=VALUE ...]", "active", "clear", "power-cycle")
+WORDS = ("list", "help NAME", "inject NAME [KEY=VALUE ...]", "active", "clear")
 
 
 class Faulty(Protocol):
-    """A machine with a card that can be switched off and on."""
+    """A machine that can have faults."""
 
     @property
     def faults(self) -> FaultBoard:
@@ -29,50 +24,29 @@ class Faulty(Protocol):
     def now_s(self) -> float:
         """Return the simulated time."""
 
-    def power_cycle(self) -> None:
-        """Switch the card off and on."""
 
+def obey(lathe: Faulty, words: Sequence[str]) -> list[str] | None:
+    """Do what is asked for; return what is to be said about it, None where the words are not about faults.
 
-def answer(lathe: Faulty, line: str) -> str:
-    """Do what a line asks for; return all that is to be said about it, lines with an end each."""
-    try:
-        said = [*_obey(lathe, line), OK]
-    except RefusedError as error:
-        problem = error.problems[0]
-        fault = f"{problem.where}: " if problem.where not in ("", problem.value) else ""
-        remedy = f"help {problem.where}" if problem.where in CATALOGUE else "list"
-        said = [
-            f"{REFUSED}{fault}{problem.key} '{problem.value}' is not possible;"
-            f" allowed: {problem.limit}; `{remedy}` tells more"
-        ]
-    return "".join(f"{item}\n" for item in said)
-
-
-def _obey(lathe: Faulty, line: str) -> list[str]:
-    try:
-        words = shlex.split(line)
-    except ValueError as error:
-        raise _no_command(f"{line} ({error})") from error
+    Raises:
+        RefusedError: `simulator.fault`.
+    """
     match words:
         case ["list"]:
             return [f"{fault.name}: {fault.does}" for fault in CATALOGUE.values()]
         case ["help", name]:
             return list(_help(name))
         case ["inject", name, *settings]:
-            return [_told(_inject(lathe.faults, name, settings), lathe.now_s())]
+            injected = _inject(lathe.faults, name, settings)
+            return [line for line in (_told(injected, lathe.now_s()), injected.outcome()) if line]
         case ["active"]:
-            return [_told(injected, lathe.now_s()) for injected in lathe.faults.active()]
+            told = [_told(injected, lathe.now_s()) for injected in lathe.faults.active()]
+            return [*told, *_shut_down(lathe.faults)]
         case ["clear"]:
             lathe.faults.clear()
-        case ["power-cycle"]:
-            lathe.power_cycle()
+            return _shut_down(lathe.faults)
         case _:
-            raise _no_command(line)
-    return []
-
-
-def _no_command(line: str) -> RefusedError:
-    return refusal("", "command", ascii(line.strip())[1:-1][:80], " | ".join(WORDS))
+            return None
 
 
 def _help(name: str) -> Iterator[str]:
@@ -91,8 +65,14 @@ def _inject(board: FaultBoard, name: str, settings: list[str]) -> Injected:
         if not equals or not key or key in given:
             raise refusal(name, "setting", ascii(setting)[1:-1], "KEY=VALUE, each key once")
         given[key] = value
-    after_s, for_s, seed = given.pop(AFTER.name, 0.0), given.pop(FOR.name, None), given.pop(SEED.name, 0.0)
-    return board.ask(name, given, after_s=after_s, for_s=for_s, seed=seed)
+    return board.ask(name, given)
+
+
+def _shut_down(board: FaultBoard) -> list[str]:
+    """What no end of a fault mends."""
+    if board.shut_down_s is None:
+        return []
+    return [f"card shut down by its watchdog at {board.shut_down_s:.3f} s; power-cycle"]
 
 
 def _told(injected: Injected, now_s: float) -> str:

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from random import Random
 from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
-from drivers.pmac.language.errors import PmacError
-from drivers.simulator.commands.line import execute
-from drivers.simulator.context import Context
 from drivers.simulator.faults.carrying import CARRIERS
 from drivers.simulator.faults.lines import Carrier, Chance, Lines, Spoiler
 from drivers.simulator.faults.parameter import Value
 from drivers.simulator.faults.spoiling import SPOILERS
+from drivers.simulator.faults.stranger import Card, Stranger
 
 if TYPE_CHECKING:
     from drivers.simulator.controller import Controller
@@ -38,13 +35,18 @@ class Rippling(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
-    """What faults happen to. `motors` are the numbers by axis name, `cut` cuts every connection that there is."""
+    """What faults happen to.
+
+    `motors` are the numbers by axis name, `cut` cuts every connection that there is, `card` is what another host
+    meets.
+    """
 
     controller: Controller
     motors: Mapping[str, int]
     lines: Lines
     background: Background
     cut: Callable[[], None]
+    card: Card
 
     def motor(self, values: Mapping[str, Value]) -> Motor:
         """Return the motor that is meant."""
@@ -59,13 +61,22 @@ def _never() -> bool:
     return False
 
 
+def untold() -> str:
+    """Nothing is to be told."""
+    return ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """`begin` may be called again while it lasts. `over` is whether it has ended by itself."""
+    """What a fault does. `begin` may be called again while it lasts, unless it is a moment.
+
+    `over` is whether it has ended by itself, `outcome` what has come of it.
+    """
 
     begin: Callable[[], None]
     end: Callable[[], None] = _nothing
     over: Callable[[], bool] = _never
+    outcome: Callable[[], str] = untold
 
 
 def effect_of(name: str, values: Mapping[str, Value], random: Random, site: Site) -> Effect:
@@ -182,11 +193,13 @@ def _slow_background(values: Mapping[str, Value], site: Site) -> Effect:
 
 
 def _stranger(values: Mapping[str, Value], site: Site) -> Effect:
-    def write() -> None:
-        with suppress(PmacError):  # the stranger is told, and nobody else
-            execute(_line_of_stranger(values, site), Context(site.controller))
-
-    return Effect(begin=write, over=lambda: True)
+    stranger = Stranger(site.card)
+    return Effect(
+        begin=lambda: stranger.write(_line_of_stranger(values, site)),
+        end=stranger.leave,
+        over=stranger.answered,
+        outcome=lambda: stranger.told,
+    )
 
 
 def _line_of_stranger(values: Mapping[str, Value], site: Site) -> str:

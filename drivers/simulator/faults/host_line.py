@@ -65,6 +65,7 @@ class Carriage:
         self._inward = inward
         self._on_the_way: deque[tuple[float, bytes]] = deque()
         self._last_s = 0.0
+        self._clearings = lines.clearings
         self.waiting = 0
 
     @property
@@ -76,6 +77,8 @@ class Carriage:
         """Send units of bytes; return what has arrived by now, each item in one go."""
         if self.clear:
             return [unit for unit in units if unit]
+        if self._clearings != self._lines.clearings:
+            self._hurry()
         self._put(units)
         return self._arrived()
 
@@ -83,6 +86,11 @@ class Carriage:
         """Let nothing of it arrive."""
         self._on_the_way.clear()
         self._last_s, self.waiting = 0.0, 0
+
+    def _hurry(self) -> None:
+        """Let arrive what was on its way when all faults were ended."""
+        self._clearings, self._last_s = self._lines.clearings, 0.0
+        self._on_the_way = deque((0.0, data) for _, data in self._on_the_way)
 
     def _put(self, units: Iterable[bytes]) -> None:
         now_s = self._lines.now_s()

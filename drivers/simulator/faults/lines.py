@@ -21,10 +21,11 @@ class Chance:
 
     def hits(self) -> bool:
         """Draw whether the next one is hit."""
-        if self.left <= 0 or self.random.random() >= self.share:
-            return False
+        return self.left > 0 and self.random.random() < self.share
+
+    def count(self) -> None:
+        """One was changed by it; what a fault can do nothing to does not count."""
         self.left -= 1
-        return True
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -49,7 +50,8 @@ class Lines:
     """The state of all lines.
 
     `cut` is whether no host can be connected, `hung` whether the card neither reads nor answers, `dead` whether it
-    is shut down, `slow` whether it looks at its hosts in its background cycle only.
+    is shut down, `slow` whether it looks at its hosts in its background cycle only. `clearings` counts how often
+    all faults were ended.
     """
 
     now_s: Callable[[], float]
@@ -57,6 +59,7 @@ class Lines:
     hung: bool = False
     dead: bool = False
     slow: bool = False
+    clearings: int = 0
     spoilers: list[Spoiler] = field(default_factory=list)
     carriers: list[Carrier] = field(default_factory=list)
 
@@ -68,8 +71,9 @@ class Lines:
     def spoiled(self, reply: Reply) -> bytes:
         """Return what is left of a reply."""
         for spoiler in self.spoilers:
-            if spoiler.chance.hits():
-                reply = spoiler.spoil(reply)
+            if spoiler.chance.hits() and (spoilt := spoiler.spoil(reply)).sent != reply.sent:
+                reply = spoilt
+                spoiler.chance.count()
         return reply.sent
 
     def carried(self, said: bytes, *, inward: bool) -> list[Piece]:
@@ -77,5 +81,8 @@ class Lines:
         pieces = [Piece(data=said)]
         for carrier in self.carriers:
             if (carrier.both_ways or not inward) and carrier.chance.hits():
-                pieces = combine(pieces, carrier.carry)
+                carried = combine(pieces, carrier.carry)
+                if carried != pieces:
+                    pieces = carried
+                    carrier.chance.count()
         return pieces

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -10,6 +11,11 @@ from drivers.errors import RefusedError
 from profiles.problem import Problem
 
 Value: TypeAlias = float | str
+
+MOST_SHOWN = 80
+"""Characters of what was met that are told."""
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,10 +64,16 @@ class Parameter:
             return None
         return value if value and value.isascii() and value.isprintable() else None
 
-    def _number(self, value: Value) -> float | None:
+    def _number(self, value: object) -> float | None:
+        """Read a number, or digits of ASCII; a caller may bring anything."""
+        if isinstance(value, str):
+            if _NUMBER.fullmatch(value) is None:
+                return None
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            return None
         try:
             number = float(value)
-        except ValueError:
+        except OverflowError:
             return None
         low_enough = number > self.least if self.above_least else number >= self.least
         fits = math.isfinite(number) and low_enough and number <= self.most
@@ -73,6 +85,11 @@ def refusal(fault: str, key: str, value: str, limit: str) -> RefusedError:
     return RefusedError(Problem(code="simulator.fault", where=fault, key=key, value=value, limit=limit))
 
 
-def _shown(value: Value) -> str:
+def _shown(value: object) -> str:
     """What was met, fit for one line."""
-    return f"{value:g}" if isinstance(value, float) else ascii(str(value))[1:-1]
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, int) and abs(value) >= 10**MOST_SHOWN:
+        return "an integer that is too large"  # Python writes none of more than 4300 digits
+    shown = ascii(str(value))[1:-1]
+    return shown if len(shown) <= MOST_SHOWN else f"{shown[:MOST_SHOWN]}..."

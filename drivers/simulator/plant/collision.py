@@ -24,6 +24,10 @@ STANDS_TURNS = 1e-5
 """A spindle that turns less than this in a servo cycle stands: 1.4 rpm at 442 us."""
 
 
+BACK_TURNS = 0.05
+"""How far back a spindle may turn in the cut: a servo that was stopped in a hurry comes back by 6 deg."""
+
+
 class CollisionKind(StrEnum):
     """What met what."""
 
@@ -37,6 +41,12 @@ class CollisionKind(StrEnum):
     """The tip went through the wall into the bore."""
     JAWS = "jaws"
     """The tip went beyond the jaw faces, within the outer radius of the jaws."""
+    INFEED = "infeed"
+    """The tip went deeper than its cut, by more a turn than the tool takes."""
+    REVERSE = "reverse"
+    """The tip was in material while the spindle turned backwards."""
+    END_OF_TRAVEL = "end_of_travel"
+    """The tool or the carriage met the end of its iron."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +68,10 @@ class Clamped:
     bore_mm: float
     deepest_mm: float
     free_end_mm: float
+
+    def deeper_than_its_cut(self, radius_mm: float) -> bool:
+        """Whether a radius is further in than the job has anything to cut, and than a touch."""
+        return radius_mm < self.deepest_mm + TOOL_TAKES_MM - TOUCH_MM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +100,20 @@ def clamped(job: Job, jaw_face_mm: float) -> Clamped:
     )
 
 
+def _met(turned: float, back: float, fed_mm: float, infed_mm: float) -> CollisionKind | None:
+    """Return what it is to go like this in material, in a servo cycle; None for a cut.
+
+    The spindle has `turned` in this cycle, and is `back` from where it was furthest in this material.
+    """
+    if abs(turned) < STANDS_TURNS:
+        return CollisionKind.STANDING_PART
+    if turned < 0.0 and back > BACK_TURNS:
+        return CollisionKind.REVERSE
+    if fed_mm > MOST_FEED_MM_PER_TURN * abs(turned):
+        return CollisionKind.END_FACE
+    return CollisionKind.INFEED if infed_mm > max(TOOL_TAKES_MM * abs(turned), 0.0) else None
+
+
 class CollisionWatch:
     """Finds each kind of collision once, from the clamping of a blank to that of the next."""
 
@@ -95,7 +123,8 @@ class CollisionWatch:
         self._jaw_outer_mm = jaw_outer_mm
         self._part: Clamped | None = None
         self._surface_at: SurfaceAt = lambda turns, z_mm: 0.0
-        self._before: tuple[float, float] | None = None  # turns and Z of the last sample
+        self._before: tuple[float, float, float] | None = None  # turns, Z and radius of the last sample
+        self._furthest: float | None = None  # turns, since the tip went into the part
 
     def clamp(self, part: Clamped, surface_at: SurfaceAt) -> None:
         """Begin anew with a blank, whose surface is asked for before a track has cut it."""
@@ -105,14 +134,18 @@ class CollisionWatch:
         """Take the part away."""
         self._part = None
 
-    def look(self, track: Track) -> None:
-        """Look at a track, before it cuts."""
+    def look(self, track: Track, *, at_end: bool = False) -> None:
+        """Look at a track, before it cuts; `at_end` is whether an axis is held by the end of its travel."""
+        if at_end:
+            self._report(CollisionKind.END_OF_TRAVEL, track, len(track.radius_mm) - 1)
         least_mm, part = min(track.radius_mm), self._part
         if max(track.z_mm) > self._jaw_face_mm and least_mm <= self._jaw_outer_mm:
             self._look_at_jaws(track)
         if part is not None and least_mm < part.radius_mm - TOUCH_MM:
             self._look_at_part(track, part)
-        self._before = (track.turns[-1], track.z_mm[-1])
+        else:
+            self._furthest = None
+        self._before = (track.turns[-1], track.z_mm[-1], track.radius_mm[-1])
 
     def _look_at_jaws(self, track: Track) -> None:
         for at, (radius_mm, z_mm) in enumerate(zip(track.radius_mm, track.z_mm, strict=True)):
@@ -122,20 +155,22 @@ class CollisionWatch:
 
     def _look_at_part(self, track: Track, part: Clamped) -> None:
         """The cheap questions first: in a cut, all of them are answered by the radius and the feed."""
-        turns_before, z_before = self._before or (track.turns[0], track.z_mm[0])
+        turns_before, z_before, radius_before = self._before or (track.turns[0], track.z_mm[0], track.radius_mm[0])
         for at, radius_mm in enumerate(track.radius_mm):
             turns, z_mm = track.turns[at], track.z_mm[at]
-            turned, fed_mm = abs(turns - turns_before), abs(z_mm - z_before)
-            turns_before, z_before = turns, z_mm
+            turned, fed_mm, infed_mm = turns - turns_before, abs(z_mm - z_before), radius_before - radius_mm
+            turns_before, z_before, radius_before = turns, z_mm, radius_mm
             if radius_mm >= part.radius_mm - TOUCH_MM or not part.free_end_mm <= z_mm <= self._jaw_face_mm:
+                self._furthest = None
                 continue
+            self._furthest = max(turns, turns if self._furthest is None else self._furthest)
             if radius_mm < part.bore_mm:
                 self._report(CollisionKind.THROUGH_WALL, track, at)
             if radius_mm < part.deepest_mm:
                 self._report(CollisionKind.TOO_DEEP, track, at)
-            stands, rushes = turned < STANDS_TURNS, fed_mm > MOST_FEED_MM_PER_TURN * turned
-            kind = CollisionKind.STANDING_PART if stands else CollisionKind.END_FACE
-            if (stands or rushes) and not self._knows(kind):
+            infed_mm = infed_mm if part.deeper_than_its_cut(radius_mm) else 0.0
+            kind = _met(turned, self._furthest - turns, fed_mm, infed_mm)
+            if kind is not None and not self._knows(kind):
                 if radius_mm < self._surface_at(turns, z_mm) - TOUCH_MM:
                     self._report(kind, track, at)
 
@@ -150,7 +185,8 @@ class CollisionWatch:
             kind=kind,
             radius_mm=track.radius_mm[at],
             z_mm=track.z_mm[at],
-            angle_deg=360.0 * (track.turns[at] % 1.0),
+            # Twice: the remainder of next to nothing below 0 is a whole turn.
+            angle_deg=360.0 * (track.turns[at] % 1.0) % 360.0,
             time_ms=track.end_ms - after * track.cycle_ms,
         )
         self.found = (*self.found, collision)

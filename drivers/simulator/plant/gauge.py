@@ -29,7 +29,7 @@ def look_at(
     """Return what is seen with the tool tip at radius `tip_mm` and Z `z_mm`, the spindle `turns` from its index.
 
     `length_mm` is where the part stands along Z, from its free end to the jaw faces; `jaw_1_deg` the spindle angle
-    at which jaw 1 meets the mark; of `collisions` the last one is seen.
+    at which jaw 1 meets the mark; of `collisions` the kinds are seen.
     """
     # To a hundredth first, so that -180.001 is seen as 180 and not as -180.
     past_deg = round(360.0 * turns - jaw_1_deg, 2) % 360.0
@@ -39,5 +39,5 @@ def look_at(
     return ShopView(
         jaw_1_past_mark_deg=round(past_deg - 360.0 if past_deg > 180.0 else past_deg, 2),
         tool_gap_mm=gap_mm,
-        collision=collisions[-1].kind.value if collisions else None,
+        collisions=tuple(collision.kind.value for collision in collisions),
     )

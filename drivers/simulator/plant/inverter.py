@@ -42,6 +42,8 @@ class InverterSpindle:
         self._counts_per_rad = counts_per_turn / (2.0 * math.pi)
         self._cycle_s = cycle_s
         self._x = 0.0  # counts
+        self._reading = 0.0
+        self._blind = False
         self._speed = 0.0  # rad/s
         self._field = 0.0  # what the inverter puts out, rad/s
         self._wanted: float | None = None  # rad/s; None is switched off
@@ -62,13 +64,20 @@ class InverterSpindle:
         self._wanted = None
 
     def close_loop(self) -> float:
-        """Return the present reading; there is no loop."""
-        return read_encoder(self._x)
+        """Return the present reading, the last one of an encoder that does not count; there is no loop."""
+        return self._reading if self.encoder_lost else read_encoder(self._x)
 
     def rebase(self, counts: float) -> None:
-        """Shift the motor's zero by `counts`."""
+        """Shift the motor's zero by `counts`.
+
+        An encoder that counts again goes on from its last reading: the zero moves, what was read does not.
+        """
         self.origin += counts
         self._x -= counts
+        if self._blind and not self.encoder_lost:
+            self._blind = False
+            return
+        self._reading -= counts
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Turn; the commands go nowhere."""
@@ -86,6 +95,9 @@ class InverterSpindle:
             self._speed = self._next_speed()
             self._x += 0.5 * (before + self._speed) * self._cycle_s * self._counts_per_rad
             track.append(self._x)
+        self._blind = self.encoder_lost
+        if not self._blind:
+            self._reading = read_encoder(self._x)
         return track
 
     def _next_speed(self) -> float:

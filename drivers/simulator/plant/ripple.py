@@ -8,6 +8,15 @@ from collections.abc import Iterable
 FADES_IN_TURNS = 0.25
 """In how much of a turn the swing comes up or goes: the spindle must not jump, nor turn by itself."""
 
+FADES_IN_S = 0.1
+"""Time constant with which it goes where the spindle stands."""
+
+NONE_BELOW_RPM, FULL_FROM_RPM = 3.0, 20.0
+"""Mean speeds between which the swing comes up: a spindle that stands has no speed to swing."""
+
+SMOOTHED_S = 0.02
+"""Time constant of the mean speed: what a servo does at rest is no speed."""
+
 GONE_COUNTS = 1e-3
 
 
@@ -18,9 +27,13 @@ class Ripple:
     v (1 + share cos(k x)).
     """
 
-    def __init__(self, counts_per_turn: float) -> None:
+    def __init__(self, counts_per_turn: float, cycle_s: float) -> None:
         self._counts_per_turn = counts_per_turn
+        self._counts_per_s_at_1_rpm = counts_per_turn / 60.0
+        self._cycle_s = cycle_s
         self._amplitude = 0.0
+        self._speed = 0.0  # counts/s
+        self._per_turn = 0
         self._last: float | None = None
 
     @property
@@ -28,17 +41,34 @@ class Ripple:
         """Whether something of the swing is there, wanted or not."""
         return self._amplitude != 0.0
 
-    def swing(self, track: Iterable[float], origin: float, share: float, per_turn: int) -> list[float]:
-        """Return a track (motor counts, its zero at `origin`) as the iron really goes."""
-        wave = 2.0 * math.pi * per_turn / self._counts_per_turn
-        wanted, fades = share / wave, FADES_IN_TURNS * self._counts_per_turn
+    def swing(
+        self, track: Iterable[float], origin: float, share: float, per_turn: int, *, jammed: bool = False
+    ) -> list[float]:
+        """Return a track (motor counts, its zero at `origin`) as the iron really goes; what is jammed stays."""
+        if not self.swings:
+            self._per_turn = per_turn
+        wave = 2.0 * math.pi * self._per_turn / self._counts_per_turn
+        # Another number of swings a turn comes when this one is gone.
+        wanted = share / wave if self._per_turn == per_turn else 0.0
         swung = []
         for mean in track:
             place = mean + origin
-            if self._last is not None:
-                self._amplitude += (wanted - self._amplitude) * min(abs(place - self._last) / fades, 1.0)
+            if self._last is not None and not jammed:
+                self._fade(wanted, place - self._last)
             self._last = place
             swung.append(mean + self._amplitude * math.sin(wave * place))
-        if not share and abs(self._amplitude) < GONE_COUNTS:
-            self._amplitude, self._last = 0.0, None
+        if not (share or self.swings):
+            self._last, self._speed = None, 0.0
         return swung
+
+    def _fade(self, wanted: float, step: float) -> None:
+        """Let the amplitude come or go for a cycle in which the mean place has gone a step."""
+        self._speed += (step / self._cycle_s - self._speed) * self._cycle_s / SMOOTHED_S
+        rpm = abs(self._speed) / self._counts_per_s_at_1_rpm
+        wanted *= min(max((rpm - NONE_BELOW_RPM) / (FULL_FROM_RPM - NONE_BELOW_RPM), 0.0), 1.0)
+        share = abs(self._speed) * self._cycle_s / (FADES_IN_TURNS * self._counts_per_turn)
+        if wanted < self._amplitude:
+            share = max(share, self._cycle_s / FADES_IN_S)
+        self._amplitude += (wanted - self._amplitude) * min(share, 1.0)
+        if not wanted and self._amplitude < GONE_COUNTS:
+            self._amplitude = 0.0

@@ -14,11 +14,11 @@ class Spindle:
     `speed_ripple` is the share by which the speed swings about its mean, `ripple_per_turn` times a turn.
     """
 
-    def __init__(self, drive: Axis, counts_per_turn: float) -> None:
+    def __init__(self, drive: Axis, counts_per_turn: float, cycle_s: float) -> None:
         self.drive = drive
         self.speed_ripple = 0.0
         self.ripple_per_turn = 2
-        self._ripple = Ripple(counts_per_turn)
+        self._ripple = Ripple(counts_per_turn, cycle_s)
 
     @property
     def origin(self) -> float:
@@ -70,4 +70,6 @@ class Spindle:
     def _turned(self, track: list[float]) -> list[float]:
         if not (self.speed_ripple or self._ripple.swings):
             return track
-        return self._ripple.swing(track, self.origin, self.speed_ripple, self.ripple_per_turn)
+        return self._ripple.swing(
+            track, self.origin, self.speed_ripple, self.ripple_per_turn, jammed=self.drive.jammed
+        )

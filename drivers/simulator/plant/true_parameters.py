@@ -7,13 +7,14 @@ iron has these. Where they differ there is something to find and to learn; by de
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from random import Random
+from random import Random, SystemRandom
 
 from drivers.simulator.plant.jaws import Jaws
 from drivers.simulator.plant.workpiece import Blank
 from profiles.job import Job
-from profiles.machine import MachineProfile
+from profiles.machine import Carriage, MachineProfile, ToolAxis
 
 TIP_OFF_BY_UM = 300
 """How far from its nominal radius the tip of a tool may stand that was clamped by hand."""
@@ -25,6 +26,9 @@ the card lets the tool go. The paper does not say with which motion its damping 
 POSITIONED_FRICTION_N = 0.1
 """Dry friction that the published gains can still position against: a stuck tool waits for an integrator of 4.6 s.
 Roller guides have 2 to 5 N and need other gains."""
+
+BEYOND_TRAVEL_MM = 3.0
+"""How far behind the travel of its profile the iron of an axis meets its stop."""
 
 COAST_S = 1.5
 
@@ -53,6 +57,9 @@ class TrueParameters:
     `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and `ramp_rpm_per_s` are
     of an inverter.
 
+    Between `tool_ends_mm` and `carriage_ends_mm`, from their flags, the iron of these axes can be; None is without
+    an end.
+
     The starts are where the machine was left standing, from its flags and its index: power-up tells the card
     nothing about it. `coast_s` is the time constant with which the carriage and an ideal spindle run out when
     their amplifiers are switched off.
@@ -73,6 +80,8 @@ class TrueParameters:
     slip_rpm: float = 0.0
     ramp_rpm_per_s: float = 0.0
     ideal_spindle: bool = True
+    tool_ends_mm: tuple[float, float] | None = None
+    carriage_ends_mm: tuple[float, float] | None = None
     belt_ratio: float = 1.0
     coulomb_friction_n: float = 0.0
     commutation_error_deg: float = 0.0
@@ -157,6 +166,11 @@ def ideal(machine: MachineProfile) -> TrueParameters:
     )
 
 
+def _iron_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:
+    """Return how far the iron goes: a little further than anybody should."""
+    return (axis.travel_min_mm - BEYOND_TRAVEL_MM, axis.travel_max_mm + BEYOND_TRAVEL_MM)
+
+
 def as_mounted(machine: MachineProfile, random: Random) -> TrueParameters:
     """Return a lathe set up by hand: chuck at any angle, tool tip near its nominal radius, a spindle with inertia.
 
@@ -166,6 +180,8 @@ def as_mounted(machine: MachineProfile, random: Random) -> TrueParameters:
     return replace(
         ideal(machine),
         ideal_spindle=False,
+        tool_ends_mm=_iron_mm(machine.tool),
+        carriage_ends_mm=_iron_mm(machine.carriage),
         jaw_1_deg=random.randrange(36_000) / 100.0,
         home_radius_mm=round(machine.tool.home_radius_mm + off_by_mm, 3),
     )
@@ -189,3 +205,16 @@ def realistic(machine: MachineProfile, random: Random) -> TrueParameters:
         clamping_seed=random.randrange(2**32),
         spindle_inertia_kg_m2=1.2 * mounted.spindle_inertia_kg_m2,
     )
+
+
+PLANTS: dict[str, Callable[[MachineProfile, Random], TrueParameters]] = {
+    "ideal": lambda machine, _: ideal(machine),
+    "mounted": as_mounted,
+    "realistic": realistic,
+}
+"""The sets by the names under which a lathe is asked for."""
+
+
+def plant_named(name: str, machine: MachineProfile, seed: int | None = None) -> TrueParameters:
+    """Return one of `PLANTS`; what chance decides is drawn from the seed, and anew each time without one."""
+    return PLANTS[name](machine, SystemRandom() if seed is None else Random(seed))

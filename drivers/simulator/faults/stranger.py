@@ -1,0 +1,77 @@
+"""Another host of the card, of whom the others know nothing: it sends one line, reads the answer, and goes."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Protocol
+
+from drivers.errors import LinkError
+
+if TYPE_CHECKING:
+    from drivers.simulator.port import Port
+
+_NAMES = {0x00: "NUL", 0x02: "STX", 0x06: "ACK", 0x07: "BEL", 0x0A: "LF", 0x0D: "CR"}
+
+
+class Card(Protocol):
+    """What a host meets."""
+
+    def connect(self) -> Port:
+        """Plug it in."""
+
+    def attend(self, port: Port) -> None:
+        """Let the card look at it now."""
+
+    def forget(self, port: Port) -> None:
+        """Take it off without a word to the card."""
+
+
+class Stranger:
+    """A host like any other: what is the matter with the card, or with its lines, it meets, too.
+
+    `told` is what has become of its line.
+    """
+
+    def __init__(self, card: Card) -> None:
+        self.told = ""
+        self._card = card
+        self._port: Port | None = None
+        self._heard = b""
+
+    def write(self, line: str) -> None:
+        """Send a line."""
+        try:
+            self._port = self._card.connect()
+        except LinkError:
+            self.told = "the stranger cannot be connected: the cable is cut"
+            return
+        self._port.receive(line.encode("ascii") + b"\r")
+        self._card.attend(self._port)
+
+    def answered(self) -> bool:
+        """Whether nothing more comes of it."""
+        if self._port is None:
+            return True
+        if self._port.lost:
+            self.told = "the stranger is cut off"
+            return True
+        self._heard += self._port.take_said()
+        if not self._port.idle:
+            return False
+        self.told = _in_words(self._heard)
+        return True
+
+    def leave(self) -> None:
+        """Go; a buffer that it has opened stays open, and a line that nobody has read is lost."""
+        if self._port is not None:
+            self._card.forget(self._port)
+            self._port = None
+
+
+def _in_words(heard: bytes) -> str:
+    """Return what was heard, fit for one line: `25<CR><ACK>`."""
+    text = "".join(chr(code) if 0x20 <= code < 0x7F else f"<{_NAMES.get(code, f'{code:02X}')}>" for code in heard)
+    number = re.search(rb"\x07(ERR\d+)?", heard)
+    if number is None:
+        return f"the stranger was told: {text or 'nothing'}"
+    return f"the stranger was refused: {number[1].decode() if number[1] else text}"
