@@ -20,7 +20,18 @@ if TYPE_CHECKING:
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCREEN = "console.tui.start"
-COMMANDS = ("jobs", "preview", "program", "check-program", "run", "simulator", "fault", "roundness")
+COMMANDS = (
+    "jobs",
+    "preview",
+    "program",
+    "check-program",
+    "run",
+    "simulator",
+    "fault",
+    "roundness",
+    "controller",
+    "doctor",
+)
 MODULES = {name: f"console.cli.{name.replace('-', '_')}" for name in COMMANDS}
 
 

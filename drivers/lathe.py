@@ -6,19 +6,25 @@ that moves is sent twice.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 from drivers.clock import Clock
+from drivers.cutting.table_state import table_problems
 from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
-from drivers.pmac.axes import read_definitions
+from drivers.heartbeat import Heartbeat
+from drivers.link.base import GONE
 from drivers.pmac.client import PmacClient
-from drivers.pmac.dialect import PMAC
-from drivers.pmac.language.text import format_line, format_number
+from drivers.pmac.dialect import DIALECTS, dialect_of
+from drivers.pmac.heartbeat.lease import lease_condition
+from drivers.pmac.language.text import format_number
+from drivers.pmac.program_load import load_program
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import HOLD_FLAG
 from drivers.pmac.settings import PARTS_PER_COUNT
-from drivers.pmac.variables import MODAL_NUMBERS
+from drivers.pmac.verification import differences
 from drivers.snapshot import AxisName, AxisState, Snapshot, read_snapshot, snapshot_items
 from drivers.stop import StopPath
 from drivers.travel import overrun_counts, refuse_beyond_travel
@@ -37,20 +43,15 @@ LOOK_TIMEOUT_S = 0.3
 QUICK_LOOK_TIMEOUT_S = 0.1
 """The same while a stop is being proven, where the next repetition must not wait."""
 
+ARRIVED_COUNTS = 2.0
+"""How far from its target a jog may be commanded to rest; positions are told in tenths of a count."""
+
 REST_TIMEOUT_S = 15.0
 COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
 LOOKS_AT_REST = 3
 REST_BAND_COUNTS = 1.0
 """Rest is so many looks in a row, between which no axis has gone further than this."""
-
-LINK_GONE = "link.lost"
-"""The problem of a link that will not come back."""
-
-FIRST_MOTOR, LAST_MOTOR = 1, 8
-
-QUERY_BATCH = 10
-MODAL_SETTINGS = tuple(f"I{PMAC.system_index(1, number)}" for number in MODAL_NUMBERS)
 
 
 class Lathe:
@@ -67,8 +68,12 @@ class Lathe:
         clock: Clock,
         stop: StopPath,
         seen: Callable[[Snapshot], None] | None = None,
+        heartbeat: Heartbeat | None = None,
     ) -> None:
-        """`seen` is given every look that was read, in whatever wait; it must return at once and not raise."""
+        """`seen` is given every look that was read, in whatever wait; it must return at once and not raise.
+
+        With a `heartbeat` nothing moves unless the card would end it without this host.
+        """
         self.machine = machine
         self.stop = stop
         self.has_moved = False
@@ -76,7 +81,11 @@ class Lathe:
         self._client = client
         self._clock = clock
         self._seen = seen
+        self._heartbeat = heartbeat
         self._verified = False
+        self._seen_closed = False
+        self._dialect = DIALECTS[machine.controller.family]
+        self._controller = machine.controller
         self._motors = {
             AxisName.TOOL: machine.tool.motor,
             AxisName.SPINDLE: machine.spindle.motor,
@@ -88,45 +97,19 @@ class Lathe:
 
         Raises:
             LinkError: nothing answers, or not like a PMAC.
+            RefusedError: `controller.family_differs`, it is a card of another family than the profile says.
         """
-        return self._client.connect()
+        version, kind = self._client.connect()
+        if dialect_of(kind) is not self._dialect:
+            where, limit = self._client.link.address, self.machine.controller.family
+            raise RefusedError(Problem(code="controller.family_differs", where=where, value=kind, limit=limit))
+        return version, kind
 
     def verify(self) -> tuple[Problem, ...]:
-        """Compare the controller's settings and axis definitions with the machine profile; nothing is written.
-
-        TA, TS and F of the coordinate system are left out: they are what the last program left behind.
-        """
-        wanted = {
-            name: value for name, value in self.machine.controller.variables.items() if name not in MODAL_SETTINGS
-        }
-        names = sorted(wanted, key=lambda name: int(name[1:]))
-        problems = []
-        for start in range(0, len(names), QUERY_BATCH):
-            batch = names[start : start + QUERY_BATCH]
-            for name, found in zip(batch, self._client.numbers(*batch), strict=True):
-                if found != wanted[name]:
-                    value, limit = format_number(found), format_number(wanted[name])
-                    problems.append(Problem(code="controller.setting", key=name, value=value, limit=limit))
-        for definition in read_definitions(self.machine.controller.axis_definitions):
-            (found_text,) = self._client.query(f"#{definition.motor}->")
-            if found_text.strip() != str(definition):
-                key = f"#{definition.motor}->"
-                problems.append(
-                    Problem(code="controller.setting", key=key, value=found_text, limit=str(definition))
-                )
-        problems += self._strange_motors()
+        """Compare the controller's settings and axis definitions with the machine profile; nothing is written."""
+        problems = differences(self._client, self._controller, self._dialect, self._motors.values())
         self._verified = not problems
         return tuple(problems)
-
-    def _strange_motors(self) -> list[Problem]:
-        """Return the motors that are activated though the machine profile does not know them."""
-        others = [m for m in range(FIRST_MOTOR, LAST_MOTOR + 1) if m not in self._motors.values()]
-        names = [f"I{motor}00" for motor in others]
-        return [
-            Problem(code="controller.strange_motor", key=name, value=format_number(found), limit="0")
-            for name, found in zip(names, self._client.numbers(*names), strict=True)
-            if found != 0.0
-        ]
 
     def snapshot(self) -> Snapshot:
         """Read the state of the machine in one request, and once more when its reply does not come.
@@ -144,36 +127,49 @@ class Lathe:
         try:
             replies = self._client.query(*snapshot_items(tuple(self._motors.values())), timeout_s=timeout_s)
             at_s = self._clock.now_s()
-            snapshot = read_snapshot(replies, at_s, self._client.link.address)
+            snapshot = read_snapshot(replies, at_s, self._client.link.address, self._dialect)
         except DriverError:
             # What the drives do now is not known, so the stop must not rely on it.
-            self.stop.loops_closed = False
+            self.stop.loops_closed = self._seen_closed = False
             raise
         # A motor that is not ours would be closed by the same control-A, so that must be known, too.
         self.stop.loops_closed = snapshot.loops_closed and self._verified
+        self._seen_closed = snapshot.loops_closed
         self.round_trip_s = at_s - sent_s
         if self._seen is not None:
             self._seen(snapshot)
         return snapshot
 
+    def hands_clear(self) -> None:
+        """Take somebody's word that nobody has hands in the machine any more; nothing is sent."""
+        self.stop.hands_in = False
+
     def enable(self) -> None:
         """Close the loops of all axes where they stand.
 
         Raises:
+            RefusedError: `machine.hands_in`, the drives were switched off and nobody has said that it is clear;
+                `heartbeat.*`, nothing would end a motion without this host.
             DriverError: `machine.not_enabled`, an axis does not close.
         """
+        self.stop.check()
+        if self._heartbeat is not None and not self.stop.hands_in:
+            self._heartbeat.prepare()
         for motor in self._motors.values():
-            self._move(f"#{motor}J/")
+            self._send_once(f"#{motor}J/")
         if not self.snapshot().loops_closed:
             raise DriverError(Problem(code="machine.not_enabled", where=self._client.link.address))
 
     def switch_off(self) -> None:
         """Open the loops of all axes at rest: drives off. No stop is in force afterwards.
 
+        From now on there may be hands in the machine, and nothing closes a loop before `hands_clear`.
+
         Raises:
             DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
         """
         self._refuse_moving(self.snapshot())
+        self.stop.hands_in = True
         self.stop.switch_off()
         if not self.snapshot().loops_open:
             raise DriverError(Problem(code="machine.not_switched_off", where=self._client.link.address))
@@ -185,7 +181,7 @@ class Lathe:
             DriverError: `machine.timeout` or `machine.fault`.
         """
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
-            self._move(f"#{self._motors[axis]}HM")
+            self._jog(f"#{self._motors[axis]}HM")
             self._wait(partial(_arrived, axis=axis, flag="home_complete"), timeout_s, f"home {axis}")
 
     def jog_to(self, axis: AxisName, counts: float, timeout_s: float = 120.0, *, settle: bool = True) -> None:
@@ -195,14 +191,20 @@ class Lathe:
         less than the warning limit Ix12: the integrator of a slow loop may take many seconds for the remainder.
 
         Raises:
-            DriverError: `machine.timeout` or `machine.fault`.
+            DriverError: `machine.timeout`, `machine.fault` or `machine.not_arrived`.
         """
-        self._move(f"#{self._motors[axis]}J={format_number(counts)}")
+        self._jog(f"#{self._motors[axis]}J={format_number(counts)}")
         done = partial(_arrived, axis=axis, flag="in_position")
         if not settle:
             band = self.machine.controller.variables[f"I{self._motors[axis]}12"] / PARTS_PER_COUNT
             done = partial(_nearly_arrived, axis=axis, band_counts=band)
-        self._wait(done, timeout_s, f"jog {axis}")
+        state = self._wait(done, timeout_s, f"jog {axis}").axis(axis)
+        there = state.position + state.following_error
+        if abs(there - counts) > ARRIVED_COUNTS:
+            # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
+            value, limit = f"{there:.0f} counts", f"{counts:.0f} counts"
+            self.stop.stop(f"jog {axis}")
+            raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
 
     def jog_by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
         """Jog one axis by an increment in counts, from where it is commanded to be.
@@ -239,34 +241,50 @@ class Lathe:
         """Return the way that an axis may still go after a stop in mid-jog, see `drivers.travel`."""
         return overrun_counts(self.machine, self._motors[axis])
 
-    def load(self, program: ProgramText) -> None:
+    @property
+    def lease(self) -> str:
+        """The condition without which a cutting program ends by itself, empty when nobody keeps a lease."""
+        return "" if self._heartbeat is None else lease_condition(self._dialect)
+
+    def load(self, program: ProgramText, axis_definitions: tuple[str, ...] = ()) -> None:
         """Send a program, read it back and compare.
+
+        A program that defines axes says which are there from now on, until `restore`.
 
         Raises:
             ControllerError: a line was refused.
             DriverError: `controller.program_differs`, the buffer does not hold what was sent.
         """
         self.stop.check()
-        self._client.request("CLOSE")
-        self._client.download(program.lines)
-        found = self._client.request(f"LIST PROG{program.number}")
-        wanted = tuple(format_line(line) for line in program.program)
-        if found != wanted:
-            pairs = zip((*found, ""), (*wanted, ""), strict=False)
-            place, (value, limit) = next((n, p) for n, p in enumerate(pairs, start=1) if p[0] != p[1])
-            raise DriverError(
-                Problem(
-                    code="controller.program_differs",
-                    where=f"PROG {program.number}",
-                    key=f"line {place}",
-                    value=value,
-                    limit=limit,
-                )
-            )
+        definitions = axis_definitions or self.machine.controller.axis_definitions
+        self._controller = replace(self.machine.controller, axis_definitions=definitions)
+        load_program(self._client, program)
 
-    def start(self, number: int) -> None:
-        """Run a loaded program. This moves the machine."""
-        self._move(f"&1B{number}R")
+    def restore(self, lines: Iterable[str]) -> None:
+        """Send the lines that make the controller what the machine profile says, once a cut is over and all rests.
+
+        Raises:
+            DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
+        """
+        lines = tuple(lines)
+        if lines:
+            self._refuse_moving(self.snapshot())
+            for line in lines:
+                self._client.request(line)
+        self._controller = self.machine.controller
+
+    def tables_left(self) -> tuple[Problem, ...]:
+        """Return what compensation tables still add to the tool, or would: nothing before a cut, nor behind it.
+
+        Raises:
+            DriverError: the link broke, or the controller refused to answer.
+        """
+        return table_problems(self._client, self.machine, self._dialect)
+
+    def start(self, number: int, retracted_counts: float) -> None:
+        """Run a loaded program. This moves the machine; the tool is out of the part at `retracted_counts`."""
+        line = f"&1B{number}R"
+        self._move(line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts))
 
     def hold(self) -> None:
         """Ask the program to end at the end of the present turn and to retract; `follow` then sees its end.
@@ -304,6 +322,7 @@ class Lathe:
             LinkError: `link.lost`, there is nobody to ask any more.
         """
         self.stop.repeat()
+        self._end_guard()
         began_s = self._clock.now_s()
         before: Snapshot | None = None
         mark, looks_at_rest = self.stop.mark, 0
@@ -334,7 +353,7 @@ class Lathe:
         try:
             return self._read(QUICK_LOOK_TIMEOUT_S)
         except DriverError as error:
-            if error.problems[0].code == LINK_GONE:
+            if error.problems[0].code in GONE:
                 raise
             return None
 
@@ -356,12 +375,56 @@ class Lathe:
         if snapshot.moving:
             raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
 
+    def acknowledge_loss(self) -> None:
+        """Take the operator's word that what the card has ended without a host was seen.
+
+        Raises:
+            LinkError: the link broke or is out of step.
+        """
+        if self._heartbeat is not None:
+            self._heartbeat.loss_seen()
+
+    def _end_guard(self) -> None:
+        """Nothing is to be guarded behind a stop: the card must not take the tool out by itself then.
+
+        A link that does not take it is no reason not to look for rest; the card then does what it was told to do
+        without a host.
+        """
+        if self._heartbeat is not None:
+            with suppress(DriverError):
+                self._heartbeat.ended()
+
+    def _jog(self, line: str) -> None:
+        self._move(line if self._heartbeat is None else self._heartbeat.jog(line))
+
+    def _pause(self, seconds: float) -> None:
+        if self._heartbeat is None:
+            self._clock.wait(seconds)
+        else:
+            self._heartbeat.pause(seconds)
+
     def _move(self, line: str) -> None:
-        """Send a line that moves something. A stop that overtook it on the way is sent again behind it.
+        """Send a line that moves something, to axes that are under control: it must not close an open loop.
+
+        Raises:
+            RefusedError: `machine.not_enabled`, nothing was sent; and those of `_send_once`.
+        """
+        if not self._seen_closed and not self.snapshot().loops_closed:
+            raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
+        self._send_once(line)
+
+    def _send_once(self, line: str) -> None:
+        """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
 
         Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
+
+        Raises:
+            StoppedError: before or behind it.
+            RefusedError: `machine.hands_in`, nothing was sent.
         """
         self.stop.check()
+        if self.stop.hands_in:
+            raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))
         self.has_moved = True
         try:
             self._client.send(line)
@@ -369,7 +432,7 @@ class Lathe:
                 self.stop.repeat()
             self._client.reply(line)
         except LinkError:
-            self.stop.loops_closed = False
+            self.stop.loops_closed = self._seen_closed = False
             raise
         if self.stop.reason is not None:
             self.stop.repeat()
@@ -384,7 +447,7 @@ class Lathe:
     ) -> Snapshot:
         deadline = self._clock.now_s() + timeout_s
         while True:
-            self._clock.wait(JOG_POLL_S if watch is None else CUT_POLL_S)
+            self._pause(JOG_POLL_S if watch is None else CUT_POLL_S)
             self.stop.check()
             snapshot = self.snapshot()
             faults = snapshot.axis_faults if watch is None else snapshot.faults
@@ -394,6 +457,8 @@ class Lathe:
             if watch is not None:
                 watch(snapshot)
             if done(snapshot):
+                if self._heartbeat is not None:
+                    self._heartbeat.ended()
                 return snapshot
             if self._clock.now_s() > deadline:
                 self.stop.stop(f"{what}: {timeout_s:g} s")

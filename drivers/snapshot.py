@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from drivers.errors import LinkError
-from drivers.pmac.dialect import PMAC
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
@@ -109,13 +109,13 @@ def snapshot_items(motors: Sequence[int]) -> tuple[str, ...]:
     return (*items, "&1??")
 
 
-def _flags(status: str) -> frozenset[str]:
+def _flags(status: str, dialect: Dialect) -> frozenset[str]:
     """Return the flags of a motor. In open loop the card reports no desired velocity, and so none that is zero."""
-    flags = decode(status, PMAC.motor_bits)
+    flags = decode(status, dialect.motor_bits)
     return flags | {"desired_velocity_zero"} if "open_loop" in flags else flags
 
 
-def read_snapshot(replies: Sequence[str], at_s: float, where: str) -> Snapshot:
+def read_snapshot(replies: Sequence[str], at_s: float, where: str, dialect: Dialect) -> Snapshot:
     """Make a snapshot of the replies to `snapshot_items`.
 
     Raises:
@@ -123,12 +123,12 @@ def read_snapshot(replies: Sequence[str], at_s: float, where: str) -> Snapshot:
     """
     try:
         axes = [
-            AxisState(position=float(position), following_error=float(error), flags=_flags(status))
+            AxisState(position=float(position), following_error=float(error), flags=_flags(status, dialect))
             for position, error, status in (
                 replies[start : start + ITEMS_PER_AXIS] for start in range(0, len(replies) - 1, ITEMS_PER_AXIS)
             )
         ]
-        system = decode(replies[-1], PMAC.system_bits)
+        system = decode(replies[-1], dialect.system_bits)
     except ValueError as error:
         raise LinkError(Problem(code="link.out_of_step", where=where, key="P F ? ??", value=str(error))) from error
     return Snapshot(

@@ -109,3 +109,26 @@ def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
 def misalignment(angle_deg: float, jaws: int) -> complex:
     """Return the compensation c of a path that lags by `angle_deg` of spindle: exp(-j N angle)."""
     return cmath.exp(-1j * jaws * math.radians(angle_deg))
+
+
+def delayed(response: complex, frequency_hz: float, delay_s: float) -> complex:
+    """Return the response of an axis whose command comes late by a constant time."""
+    return response * cmath.exp(-2j * math.pi * frequency_hz * delay_s)
+
+
+def chord_scale(points: float) -> float:
+    """Return by how much the points of a sine are raised so that straight lines between them keep its amplitude.
+
+    With so many equally spaced `points` in a wave the lines have a fundamental of (sin x / x)^2, x = pi / points.
+    """
+    x = math.pi / points
+    return (x / math.sin(x)) ** 2
+
+
+def chord_error(points: float) -> float:
+    """Return the largest distance of those lines from the sine, as a share of its amplitude.
+
+    It is at the points, which are too high, or between them, where the lines are too low.
+    """
+    scale = chord_scale(points)
+    return max(scale - 1.0, 1.0 - scale * math.cos(math.pi / points))

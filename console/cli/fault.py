@@ -15,7 +15,7 @@ from console.text.catalogue import Catalogue
 if TYPE_CHECKING:
     from drivers.simulator.control_address import ControlAddress
 
-DONE, FAILED = 0, 1
+DONE, FAILED, WRONG_USAGE = 0, 1, 2
 TIMEOUT_S = 5.0
 CHUNK = 65_536
 
@@ -24,6 +24,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     """Send one line and print what is answered; 1 when it is refused."""
     from drivers.simulator.control_address import REFUSED
 
+    if any("\n" in word for word in options.words):
+        print(f"console fault: {text('usage.line_feed')}", file=sys.stderr)
+        return WRONG_USAGE
     *lines, last = _answer(options.address, shlex.join(options.words))
     refused = last.startswith(REFUSED)
     if options.json:

@@ -14,10 +14,13 @@ if TYPE_CHECKING:
     from drivers.simulator.control_address import ControlAddress
 
 DEFAULT_MACHINE = "lee-2001-lathe"
-STRATEGIES = ("none", "paper", "pvt")
+STRATEGIES = ("none", "paper", "pvt", "cam", "timebase")
 DEFAULT_STRATEGY = "pvt"
 TS_LIMIT_MS = 1000
 DIALECTS = ("pmac", "turbo")
+PLANTS = ("ideal", "mounted", "realistic")
+DEFAULT_PLANT = "ideal"
+SEED_LIMIT = 2**32 - 1
 SLOWEST, FASTEST = 0.01, 100.0
 
 _WORDING = (
@@ -88,6 +91,8 @@ def build(text: Catalogue) -> Parser:
     _simulator(commands, text)
     _fault(commands, text)
     _roundness(commands, text)
+    _controller(commands, text)
+    _doctor(commands, text)
     return parser
 
 
@@ -123,6 +128,7 @@ def _run(commands: _Commands, text: Catalogue) -> None:
     _machine(parser, text)
     parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.sim"))
     _strategy(parser, text)
+    parser.add_argument("--trace", metavar="FILE", help=text("help.trace"))
 
 
 def _simulator(commands: _Commands, text: Catalogue) -> None:
@@ -133,6 +139,8 @@ def _simulator(commands: _Commands, text: Catalogue) -> None:
     parser.add_argument("--control", metavar="ADDRESS", type=_control, help=text("help.control"))
     _machine(parser, text)
     parser.add_argument("--dialect", choices=DIALECTS, help=text("help.dialect"))
+    parser.add_argument("--plant", choices=PLANTS, default=DEFAULT_PLANT, help=text("help.plant"))
+    parser.add_argument("--seed", metavar="N", type=_seed, help=text("help.seed"))
     parser.add_argument("--saved", metavar="FILE", help=text("help.saved"))
     parser.add_argument("--speed", metavar="X", type=_speed, default=1.0, help=text("help.speed"))
 
@@ -149,11 +157,37 @@ def _roundness(commands: _Commands, text: Catalogue) -> None:
     parser.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
 
 
-def _command(commands: _Commands, name: str, text: Catalogue) -> Parser:
+def _controller(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "controller", text)
+    title = text("help.controller.actions")
+    actions = parser.add_subparsers(
+        dest="action", metavar="ACTION", title=title, required=True, parser_class=Parser
+    )
+    for name, takes_file in (("backup", True), ("verify", False), ("diff", True), ("apply", False)):
+        action = _command(actions, name, text, key=f"controller.{name}")
+        if takes_file:
+            action.add_argument("file", metavar="FILE", help=text("help.backup_file"))
+        _machine(action, text)
+        action.add_argument("--link", metavar="ADDRESS", help=text("help.link"))
+        if name == "apply":
+            action.add_argument("--yes", action="store_true", help=text("help.controller.yes"))
+
+
+def _doctor(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "doctor", text)
+    _machine(parser, text)
+    parser.add_argument("--link", metavar="ADDRESS", help=text("help.link"))
+    parser.add_argument("--prove", action="store_true", help=text("help.prove"))
+    parser.add_argument("--yes", action="store_true", help=text("help.doctor.yes"))
+
+
+def _command(commands: _Commands, name: str, text: Catalogue, key: str = "") -> Parser:
+    """Add a command; its help stands under `key`, by default its name."""
+    key = key or name
     parser: Parser = commands.add_parser(
         name,
-        help=text(f"help.{name}"),
-        description=text(f"help.{name}.long"),
+        help=text(f"help.{key}"),
+        description=text(f"help.{key}.long"),
         add_help=False,
         allow_abbrev=False,
     )
@@ -192,6 +226,12 @@ def _strategy(parser: Parser, text: Catalogue) -> None:
 def _ts(word: str) -> int:
     if not (word.isascii() and word.isdigit()) or int(word) > TS_LIMIT_MS:
         raise argparse.ArgumentTypeError(Parser.text("usage.ts", value=word, limit=TS_LIMIT_MS))
+    return int(word)
+
+
+def _seed(word: str) -> int:
+    if not (word.isascii() and word.isdigit()) or int(word) > SEED_LIMIT:
+        raise argparse.ArgumentTypeError(Parser.text("usage.seed", value=word, limit=SEED_LIMIT))
     return int(word)
 
 

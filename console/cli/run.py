@@ -6,6 +6,7 @@ import sys
 from argparse import Namespace
 from contextlib import suppress
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.session.errors import SessionError
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from console.session.records import RunRecord
     from console.session.run import RunPlan, RunResult
     from console.session.sequence import Shop, Step
+    from drivers.link.tracing import Tracing
     from profiles.machine import MachineProfile
     from profiles.store import LoadedJob, LoadedMachine
 
@@ -36,17 +38,28 @@ def main(options: Namespace, text: Catalogue) -> int:
     # Numerics take longer to load than the whole command line; the signals are already in hand.
     from console.cli.library import data_of, job_of, machine_of
     from console.cli.output import print_json
+    from console.cli.warn import tell as tell_problems
     from console.cli.warn import tell_warnings
     from console.session.records import RunRecord
     from console.session.run import plan_run
     from drivers.cut import Strategy
+    from drivers.link.tracing import Tracing
+    from drivers.pmac.dialect import DIALECTS
+    from drivers.pmac.heartbeat.lease import lease_condition
 
     job, machine = job_of(options), machine_of(options)
-    plan = plan_run(job.job, machine.machine, Strategy(options.strategy), options.ts, where=str(job.path))
+    lease = lease_condition(DIALECTS[machine.machine.controller.family])
+    strategy, where = Strategy(options.strategy), str(job.path)
+    plan = plan_run(job.job, machine.machine, strategy, options.ts, where, lease=lease)
     warnings = tell_warnings(plan, text)
+    tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {job.job.name}")
     record = RunRecord(data_of(options), _described(job, machine, plan))
     tell = _teller(options, text, interruption, record.add)
-    result = _recorded(plan, record, _simulated_shop(machine.machine, interruption), tell, warnings)
+    open_shop = _simulated_shop(machine.machine, interruption, tracing)
+    try:
+        result = _recorded(plan, record, open_shop, tell, warnings)
+    finally:
+        warnings += tell_problems(tracing.problems, text)
     if options.json:
         print_json(_fields(result, warnings))
     else:
@@ -91,9 +104,10 @@ def _recorded(
     return result
 
 
-def _simulated_shop(machine: MachineProfile, interruption: Interruption) -> Callable[[], Shop]:
+def _simulated_shop(machine: MachineProfile, interruption: Interruption, tracing: Tracing) -> Callable[[], Shop]:
     """Return a function that opens a simulated machine of its own for each part."""
     from console.session.sequence import Shop
+    from drivers.heartbeat import Heartbeat
     from drivers.lathe import Lathe
     from drivers.link.memory import MemoryLink
     from drivers.pmac.client import PmacClient
@@ -102,11 +116,19 @@ def _simulated_shop(machine: MachineProfile, interruption: Interruption) -> Call
 
     def open_shop() -> Shop:
         simulated = SimulatedLathe(machine)
-        link = MemoryLink(simulated.connect(), simulated)
+        link = tracing.of(MemoryLink(simulated.connect(), simulated), simulated.now_s)
         stop = StopPath(link)
         interruption.guard(stop)
-        lathe = Lathe(PmacClient(link, simulated), machine, simulated, stop)
-        return Shop(lathe=lathe, clamp=simulated.mount, measure=simulated.measure, simulated=True)
+        client = PmacClient(link, simulated)
+        heartbeat = Heartbeat(client, simulated, machine)
+        lathe = Lathe(client, machine, simulated, stop, heartbeat=heartbeat)
+        return Shop(
+            lathe=lathe,
+            clamp=simulated.mount,
+            measure=simulated.measure,
+            simulated=True,
+            collisions=lambda: simulated.look().collisions,
+        )
 
     return open_shop
 
@@ -159,10 +181,12 @@ def _fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "segment_ms": plan.cut.segment_ms,
         "cut_duration_s": plan.cut.duration_s,
         "warnings": warnings,
+        "collisions": list(result.collisions),
     }
 
 
 def _lines(result: RunResult, text: Catalogue) -> list[str]:
+    from console.session.collisions import collision_problems
     from console.text.columns import table
 
     job, before, after, figures = result.plan.job, result.before, result.after, result.figures
@@ -184,5 +208,6 @@ def _lines(result: RunResult, text: Catalogue) -> list[str]:
         ),
         (text("run.verdict"), verdict),
     ]
+    facts += [(text("run.collision"), text.problem(met)) for met in collision_problems(result.collisions)]
     head = f"{text('sim')}  {job.name} · {result.plan.machine.name} · {result.plan.cut.strategy}"
     return ["", head, "", *table(rows, numeric=(1, 2)), "", *table(facts), text("run.simulated")]

@@ -37,9 +37,11 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     machine = place.machine
     refuse_unless(of_job(job, machine))
-    plan = plan_cut(job, machine, order.strategy, from_turn=_nearest_turn(place, job, order))
+    turn, lease = _nearest_turn(place, job, order), place.lathe.lease
+    plan = plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease)
     refuse_unless(of_program(plan))
-    place.lathe.load(plan.program)
+    _refuse_tables(place)
+    place.lathe.load(plan.program, plan.axis_definitions)
     _refuse_unless_ready(place, plan, starting=False)
     _open_record(place, order, plan)
     place.plan = plan
@@ -79,10 +81,12 @@ def start(place: Workplace, _: Start) -> None:
         place.note("started", strategy=armed.strategy.value)
         place.seen = partial(_publish, place, watch, CutStage.RUN_UP)
         place.tell(activity=Activity.CUTTING)
-        place.lathe.start(plan.program.number)
+        place.lathe.start(plan.program.number, plan.setup.retracted)
         last = place.lathe.follow(partial(_hold_if_asked, place), plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
     finally:
         place.seen = None
+    place.lathe.restore(plan.restore)
+    _refuse_tables(place)
     _finish(place, watch, plan, last)
 
 
@@ -122,6 +126,11 @@ def _go_to_start(place: Workplace, plan: CutPlan) -> None:
 def _refuse_unless_ready(place: Workplace, plan: CutPlan, *, starting: bool) -> None:
     locks = of_machine(place.lathe.snapshot(), plan, place.lathe.verify())
     refuse_unless(*(lock for lock in locks if starting or lock.name != AT_START))
+
+
+def _refuse_tables(place: Workplace) -> None:
+    """Refuse to go on while a compensation table adds something to the tool, or has left something behind."""
+    refuse_unless(Interlock(name="no_table", problems=place.lathe.tables_left()))
 
 
 def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:

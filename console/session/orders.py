@@ -97,6 +97,7 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
     if settings:
         raise SessionError(*settings)
     _refuse_unless_still(place)
+    place.lathe.hands_clear()
     try:
         place.lathe.enable()
     except ControllerError as refused:
@@ -182,6 +183,7 @@ def forget(place: Workplace, _: Forget) -> None:
 def recover(place: Workplace, _: Recover) -> None:
     """The operator goes on after a stop; nothing moves, and what moved does not go on."""
     place.lathe.stop.release()
+    place.lathe.acknowledge_loss()
     gone = cleared(place.state.alarms, *(alarm.problem.code for alarm in place.state.alarms))
     place.tell(stop=None, armed=None, alarms=gone)
     place.lathe.snapshot()

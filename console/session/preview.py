@@ -121,7 +121,7 @@ def preview(job: Job, machine: MachineProfile) -> Preview:
     sampled = complex(sampled_response(machine, frequency_hz))
     command = invert(wanted, sampled)
     need = drive_need(machine, command.amplitude_um, frequency_hz)
-    strategies = {s: _planned(job, machine, s) for s in (Strategy.PAPER, Strategy.PVT, Strategy.NONE)}
+    strategies = {s: _planned(job, machine, s) for s in tuple(Strategy)}
     plans = {strategy: plan for strategy, plan in strategies.items() if isinstance(plan, CutPlan)}
     return Preview(
         job=job,

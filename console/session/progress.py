@@ -104,7 +104,7 @@ class CutWatch:
         self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
         self._peak_um = 0.0
-        self._held = False
+        self._held = self._over = False
         self._judged = plan.strategy is not Strategy.NONE
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
@@ -118,7 +118,8 @@ class CutWatch:
         if not self._held:
             self._telemetry.see(snapshot)
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
-        cutting = cutting and not self._held
+        self._over = self._over or (bool(self._looks) and infeed_um < 0.0)
+        cutting = cutting and not self._held and not self._over
         if cutting and snapshot.program_running:
             stage = CutStage.CUT
             self._looks.append((angle_deg % 360.0, error_um))

@@ -32,13 +32,17 @@ class RunPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """What was done: `before` is the same job cut without compensation, `after` with the strategy."""
+    """What was done: `before` is the same job cut without compensation, `after` with the strategy.
+
+    `collisions` is what the tool has run into in either, each kind once.
+    """
 
     plan: RunPlan
     simulated: bool
     before: RoundnessResult
     after: RoundnessResult
     figures: CutFigures
+    collisions: tuple[str, ...]
 
     @property
     def improvement_percent(self) -> float:
@@ -59,18 +63,24 @@ class RunResult:
 
 
 def plan_run(
-    job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None, where: str = ""
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    ts_ms: int | None = None,
+    where: str = "",
+    *,
+    lease: str = "",
 ) -> RunPlan:
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
 
-    `where` is the file that a refusal of the job names.
+    `where` is the file that a refusal of the job names, `lease` the condition without which a program ends.
 
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
     refuse_unless(of_job(job, machine, where))
-    cut = plan_cut(job, machine, strategy, ts_ms)
-    reference = cut if strategy is Strategy.NONE else plan_cut(job, machine, Strategy.NONE)
+    cut = plan_cut(job, machine, strategy, ts_ms, lease=lease)
+    reference = cut if strategy is Strategy.NONE else plan_cut(job, machine, Strategy.NONE, lease=lease)
     refuse_unless(of_program(cut), of_program(reference))
     findings = (*check(job, machine), *cut.findings)
     warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
@@ -98,6 +108,7 @@ def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step,
         before=_roundness(before),
         after=_roundness(after),
         figures=after.figures,
+        collisions=tuple(dict.fromkeys((*before.collisions, *after.collisions))),
     )
 
 

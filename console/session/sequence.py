@@ -6,6 +6,7 @@ Whatever goes wrong after the machine is there, it is stopped and proven to rest
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -38,20 +39,25 @@ class Step(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shop:
-    """A machine with a way to clamp a new blank and to measure the part that comes off."""
+    """A machine with a way to clamp a new blank and to measure the part that comes off.
+
+    `collisions` says what the tool has run into since that was clamped, as far as somebody can tell.
+    """
 
     lathe: Lathe
     clamp: Callable[[Job], None]
     measure: Callable[[], Trace]
     simulated: bool
+    collisions: Callable[[], tuple[str, ...]] = tuple
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutOutcome:
-    """The trace of the released part and the figures read during the cut."""
+    """The trace of the released part, the figures read during the cut, and what the tool has run into."""
 
     trace: Trace
     figures: CutFigures
+    collisions: tuple[str, ...]
 
 
 Tell = Callable[[Step, str], None]
@@ -84,7 +90,8 @@ def cut_part(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
 
 def _prepare(lathe: Lathe, plan: CutPlan, tell: Tell) -> None:
     """Load the program and look at the settings; nothing moves."""
-    lathe.load(plan.program)
+    refuse_unless(Interlock(name="no_table", problems=lathe.tables_left()))
+    lathe.load(plan.program, plan.axis_definitions)
     tell(Step.CHECK, f"PROG {plan.program.number}")
     refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
 
@@ -97,10 +104,12 @@ def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
     refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()))
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
     figures = _cut(lathe, job, plan)
+    lathe.restore(plan.restore)
+    refuse_unless(Interlock(name="no_table", problems=lathe.tables_left()))
     tell(Step.RETRACT, "")
     _prove_retracted(lathe, plan)
     tell(Step.MEASURE, "")
-    return CutOutcome(trace=shop.measure(), figures=figures)
+    return CutOutcome(trace=shop.measure(), figures=figures, collisions=shop.collisions())
 
 
 def _align(shop: Shop, job: Job, plan: CutPlan) -> None:
@@ -116,7 +125,7 @@ def _align(shop: Shop, job: Job, plan: CutPlan) -> None:
 
 def _cut(lathe: Lathe, job: Job, plan: CutPlan) -> CutFigures:
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
-    lathe.start(plan.program.number)
+    lathe.start(plan.program.number, plan.setup.retracted)
     lathe.follow(telemetry.see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
     figures = telemetry.figures()
     if figures is None:
@@ -151,6 +160,9 @@ def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionEr
         snapshot = lathe.wait_for_rest()
     except ProblemError as unproven:
         return SessionError(*error.problems, *unproven.problems, Problem(code="machine.state_unknown"))
+    with suppress(ProblemError):
+        # The machine rests, and what went wrong is what matters: the next cut would find the rest.
+        lathe.restore(plan.restore)
     if snapshot.homed and not tool_clear(snapshot, plan):
         # The tool may be in the part: say so, and whether the machine can take it out.
         code = "machine.tool_in_part" if snapshot.loops_closed else "machine.retract_not_possible"

@@ -39,12 +39,18 @@ class Telemetry:
         length = cut_length_mm * machine.carriage.counts_per_mm
         # The last turn is left out: in it the tool may already be on its way out.
         self._first, self._last = end - length, end - plan.setup.carriage_per_turn
+        self._over = False
         self._rows: list[tuple[float, float, float, float]] = []
 
     def see(self, snapshot: Snapshot) -> None:
         """Take what belongs to the cut, leave the rest."""
-        if snapshot.program_running and self._first <= snapshot.carriage.position <= self._last:
-            tool = snapshot.tool
+        tool = snapshot.tool
+        if self._rows and tool.position < self._plan.setup.surface:
+            # A program may go back over the part with the tool out: the cut is over.
+            self._over = True
+        if self._over or not snapshot.program_running:
+            return
+        if self._first <= snapshot.carriage.position <= self._last:
             self._rows.append((snapshot.at_s, tool.position, snapshot.spindle.position, tool.following_error))
 
     def figures(self) -> CutFigures | None:

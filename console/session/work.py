@@ -15,7 +15,7 @@ from profiles.store import LoadedJob, LoadedMachine, load_job, save_job
 if TYPE_CHECKING:
     from console.session.preview import Preview
 
-STRATEGIES = ("pvt", "paper", "none")
+STRATEGIES = ("pvt", "cam", "timebase", "paper", "none")
 """In the order in which a key steps through them; the values of `drivers.cut.Strategy`."""
 
 _FIELDS = {field.key: field for field in JOB_FIELDS}

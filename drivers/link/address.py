@@ -1,29 +1,53 @@
-"""Link addresses as an operator writes them: `tcp:HOST:PORT`, `serial:/dev/NAME` or `serial:/dev/NAME:BAUD`."""
+"""Link addresses as an operator writes them; `str` of one gives back the shortest text that means the same.
+
+`serial:/dev/NAME[?baud=RATE]`, `tcp:HOST:PORT`, `ethernet:HOST[:PORT]`, and `sim:` for the simulated lathe.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from drivers.errors import LinkError
 from profiles.problem import Problem
 
 HIGHEST_PORT = 65_535
+ETHERNET_PORT = 1025
+"""Where the Ethernet boards of the controllers listen."""
+
 DEFAULT_BAUD_RATE = 38_400
 HIGHEST_BAUD_RATE = 4_000_000
 
-_SERIAL_FORM = f"serial:/dev/NAME[:BAUD], 1 <= BAUD <= {HIGHEST_BAUD_RATE}"
+_SERIAL_FORM = f"serial:/dev/NAME[?baud=RATE], 1 <= RATE <= {HIGHEST_BAUD_RATE}"
+_HOST_FORM = f"HOST:PORT, 0 <= PORT <= {HIGHEST_PORT}"
+_TCP_FORM = f"tcp:HOST:PORT, 1 <= PORT <= {HIGHEST_PORT}"
+_ETHERNET_FORM = f"ethernet:HOST[:PORT], 1 <= PORT <= {HIGHEST_PORT}"
+_FORMS = f"serial:/dev/NAME[?baud=RATE] | tcp:HOST:PORT | ethernet:HOST[:{ETHERNET_PORT}] | sim:"
+
+_RATE_BEHIND_COLON = re.compile(r".*:[0-9]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TcpAddress:
-    """Host name or address, and port; port 0 lets a listener choose."""
+    """A stream of characters at a host name or number, and port; port 0 lets a listener choose."""
 
     host: str
     port: int
 
     def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"tcp:{host}:{self.port}"
+        return f"tcp:{_bracketed(self.host)}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EthernetAddress:
+    """The Ethernet board of a controller, which is spoken to in requests."""
+
+    host: str
+    port: int = ETHERNET_PORT
+
+    def __str__(self) -> str:
+        port = "" if self.port == ETHERNET_PORT else f":{self.port}"
+        return f"ethernet:{_bracketed(self.host)}{port}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,53 +58,102 @@ class SerialAddress:
     baud_rate: int = DEFAULT_BAUD_RATE
 
     def __str__(self) -> str:
-        # A device whose own name has a colon would be cut there when it is read back.
-        plain = self.baud_rate == DEFAULT_BAUD_RATE and ":" not in self.device
-        return f"serial:{self.device}" if plain else f"serial:{self.device}:{self.baud_rate}"
+        # A name of this kind is not read without a rate: it could be meant as one.
+        plain = self.baud_rate == DEFAULT_BAUD_RATE and not _needs_rate(self.device)
+        return f"serial:{self.device}" if plain else f"serial:{self.device}?baud={self.baud_rate}"
 
 
-def parse_host_port(text: str) -> TcpAddress:
-    """Read `HOST:PORT`, with brackets round an IPv6 address.
+@dataclass(frozen=True, slots=True)
+class SimulatedAddress:
+    """The simulated lathe of the machine profile; there is no wire to it."""
 
-    Raises:
-        LinkError: `link.bad_address`, the text is nothing of the kind.
-    """
-    host, colon, port = text.rpartition(":")
-    host = host.removeprefix("[").removesuffix("]") if host.startswith("[") else host
-    digits = port.isascii() and port.isdigit() and len(port) <= len(str(HIGHEST_PORT))
-    if not colon or not host or not digits or int(port) > HIGHEST_PORT or " " in host:
-        raise LinkError(
-            Problem(code="link.bad_address", value=text, limit=f"HOST:PORT, 0 <= PORT <= {HIGHEST_PORT}")
-        )
-    return TcpAddress(host=host, port=int(port))
+    def __str__(self) -> str:
+        return "sim:"
 
 
-def parse_device(text: str) -> SerialAddress:
-    """Read `/dev/NAME` or `/dev/NAME:BAUD`; names by bus position have colons of their own.
+WiredAddress = TcpAddress | EthernetAddress | SerialAddress
+"""Where there is something to connect to."""
 
-    Raises:
-        LinkError: `link.bad_address`, the text is nothing of the kind.
-    """
-    device, colon, rate = text.rpartition(":")
-    if not colon or not (rate.isascii() and rate.isdigit()):
-        device, rate = text, str(DEFAULT_BAUD_RATE)
-    whole = device.startswith("/") and not device.endswith(("/", ":")) and device.isprintable()
-    # The length first: a number of thousands of digits cannot be read.
-    long = len(rate) > len(str(HIGHEST_BAUD_RATE))
-    if not whole or " " in device or long or not 1 <= int(rate) <= HIGHEST_BAUD_RATE:
-        raise LinkError(Problem(code="link.bad_address", value=text, limit=_SERIAL_FORM))
-    return SerialAddress(device=device, baud_rate=int(rate))
+LinkAddress = WiredAddress | SimulatedAddress
 
 
-def parse_address(text: str) -> TcpAddress | SerialAddress:
+def parse_address(text: str) -> LinkAddress:
     """Read a link address.
 
     Raises:
         LinkError: `link.bad_address`.
     """
     kind, _, rest = text.partition(":")
-    if kind == "tcp":
-        return parse_host_port(rest)
-    if kind == "serial":
-        return parse_device(rest)
-    raise LinkError(Problem(code="link.bad_address", value=text, limit=f"tcp:HOST:PORT | {_SERIAL_FORM}"))
+    match kind:
+        case "serial":
+            return parse_device(rest)
+        case "tcp":
+            host, port = _host_and_port(rest, text, _TCP_FORM)
+            return TcpAddress(host=host, port=port)
+        case "ethernet":
+            host, port = _host_and_port(_with_port(rest), text, _ETHERNET_FORM)
+            return EthernetAddress(host=host, port=port)
+        case "sim" if text == "sim:":
+            return SimulatedAddress()
+    raise _bad_address(text, _FORMS)
+
+
+def parse_host_port(text: str) -> TcpAddress:
+    """Read `HOST:PORT` of a listener, with brackets round an IPv6 address; port 0 lets it choose.
+
+    Raises:
+        LinkError: `link.bad_address`, the text is nothing of the kind.
+    """
+    host, port = _host_and_port(text, text, _HOST_FORM, lowest_port=0)
+    return TcpAddress(host=host, port=port)
+
+
+def parse_device(text: str) -> SerialAddress:
+    """Read `/dev/NAME` or `/dev/NAME?baud=RATE`; names by bus position have colons of their own.
+
+    Raises:
+        LinkError: `link.bad_address`, the text is nothing of the kind; `/dev/NAME:RATE` is refused, too.
+    """
+    device, asked, query = text.rpartition("?")
+    name, _, rate = query.partition("=") if asked else ("baud", "=", str(DEFAULT_BAUD_RATE))
+    device = device if asked else text
+    whole = device.startswith("/") and not device.endswith(("/", ":")) and device.isprintable()
+    bare_rate = not asked and _needs_rate(device)
+    if not whole or " " in device or bare_rate or name != "baud" or not _within(rate, 1, HIGHEST_BAUD_RATE):
+        raise _bad_address(f"serial:{text}", _SERIAL_FORM)
+    return SerialAddress(device=device, baud_rate=int(rate))
+
+
+def _needs_rate(device: str) -> bool:
+    return "?" in device or _RATE_BEHIND_COLON.fullmatch(device) is not None
+
+
+def _with_port(text: str) -> str:
+    """Add the usual port where there is none."""
+    behind = text.rpartition("]")[2]
+    return text if ":" in behind else f"{text}:{ETHERNET_PORT}"
+
+
+def _host_and_port(text: str, whole: str, form: str, lowest_port: int = 1) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    bracketed = host.startswith("[") and host.endswith("]")
+    host = host[1:-1] if bracketed else host
+    # Without brackets nobody can tell the port of an IPv6 address from the end of it.
+    readable = host and not (":" in host and not bracketed) and not re.search(r"[\s\[\]/?]", host)
+    if not colon or not readable or not host.isprintable() or not _within(port, lowest_port, HIGHEST_PORT):
+        raise _bad_address(whole, form)
+    return host, int(port)
+
+
+def _within(digits: str, lowest: int, highest: int) -> bool:
+    # The length first: a number of thousands of digits cannot be read.
+    short = 0 < len(digits) <= len(str(highest)) and digits.isascii() and digits.isdigit()
+    return short and lowest <= int(digits) <= highest
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _bad_address(text: str, form: str) -> LinkError:
+    return LinkError(Problem(code="link.bad_address", value=text, limit=form))

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 from typing import Protocol
 
+GONE = frozenset(("link.lost", "link.closed"))
+"""Codes of the problems after which there is nobody to ask any more on this link."""
+
 
 class Link(Protocol):
     """A stream of bytes both ways, with a way past everything that waits.
+
+    A line that ends in CR goes out, the text of its reply comes back: data lines with their CR, then ACK, or BELL
+    ERRnnn CR. Control-X makes the controller forget what it was asked.
 
     All methods raise `LinkError` when the link is gone. `send` and `receive` belong to one thread;
     `send_urgent` may be called from any thread and from a signal handler, and never waits for a reply.
     """
 
     address: str
+
+    @property
+    def reserved_stop(self) -> bool:
+        """Whether stops have a connection of their own, so that no pending reply is in front of them."""
 
     def send(self, data: bytes) -> None:
         """Send bytes in order."""
@@ -21,7 +31,7 @@ class Link(Protocol):
         """Return what has come, waiting at most `timeout_s` of machine time; empty when nothing came."""
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop now, behind no more than what is already being sent."""
+        """Send a stop, one control character, now, behind no more than what is already being sent."""
 
     def close(self) -> None:
         """Let go of the link. The machine is not told anything."""

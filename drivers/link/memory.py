@@ -35,6 +35,7 @@ class MemoryLink:
     """Bytes to and from a simulated card."""
 
     address = "memory"
+    reserved_stop = False
 
     def __init__(self, peer: Peer, time: SimulatedTime) -> None:
         self._peer = peer

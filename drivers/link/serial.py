@@ -1,22 +1,29 @@
-"""A link over a serial line: 8 data bits, no parity, one stop bit, no flow control."""
+"""A link over a serial line: 8 data bits, no parity, one stop bit, no flow control.
+
+Without flow control nothing but the speed of the line holds back a stop. A line is therefore handed over in small
+portions, no faster than it goes: what the system and the adapter have taken, nobody overtakes any more.
+"""
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import select
+import struct
+import termios
 import threading
 import time
 
-import serial
-
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
+from drivers.link.pace import Pace
+from drivers.link.serial_opening import open_line
 from profiles.problem import Problem
 
 SEND_TIMEOUT_S = 2.0
-URGENT_WAIT_S = 0.05
-"""How long a stop waits for a line that is just being sent, so as not to cut it in two, and for room behind it."""
+URGENT_WAIT_S = 0.02
+"""How long a stop waits for room in a line that has none."""
 
 CHUNK = 65_536
 
@@ -24,48 +31,57 @@ CHUNK = 65_536
 class SerialLink:
     """One open serial device, for this program alone."""
 
+    reserved_stop = False
+
     def __init__(self, address: SerialAddress) -> None:
         """Open the device.
 
         Raises:
-            LinkError: `link.no_device`, it is missing, not permitted, in use or no serial line.
+            LinkError: `link.no_device`, `link.no_permission`, `link.owner_only`, `link.busy`, `link.not_serial`,
+                `link.baud`, `link.failed`.
         """
         self.address = str(address)
-        self._sending = threading.Lock()
-        try:
-            self._line = serial.Serial(address.device, address.baud_rate, timeout=0, exclusive=True)
-        except (OSError, ValueError) as error:
-            raise self._error("link.no_device", _reason(error)) from error
+        self._pace = Pace(address.baud_rate)
+        # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not wait for that.
+        self._handing = threading.RLock()
+        self._line = open_line(address)
 
     def send(self, data: bytes) -> None:
-        """Send bytes in order.
+        """Send bytes in order, no further ahead of the line than a stop may wait for.
 
         Raises:
             LinkError: `link.lost`; also when the line has taken nothing for `SEND_TIMEOUT_S`.
         """
         try:
-            with self._sending:
-                self._send_all(data)
+            left, last_s = memoryview(data), time.monotonic()
+            while left:
+                sent = self._hand_over(left)
+                left = left[sent:]
+                now_s = time.monotonic()
+                if sent:
+                    last_s = now_s
+                elif now_s - last_s > SEND_TIMEOUT_S:
+                    raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+                if left:
+                    time.sleep(self._pace.wait_s(now_s))
         except OSError as error:
-            raise self._error("link.lost", _reason(error)) from error
+            raise self._lost(error) from error
 
     def send_urgent(self, data: bytes) -> None:
         """Send now: behind what the line has taken already, never behind what still waits in `send`.
-
-        A signal handler may have interrupted the very send that holds the lock, so the wait for it is bounded.
 
         Raises:
             LinkError: `link.lost`; also when the line takes nothing within `URGENT_WAIT_S`, nothing is sent then.
         """
         deadline = time.monotonic() + URGENT_WAIT_S
-        held = self._sending.acquire(timeout=URGENT_WAIT_S)
+        held = self._handing.acquire(timeout=URGENT_WAIT_S)
         try:
             self._squeeze_in(data, deadline)
         except OSError as error:
-            raise self._error("link.lost", _reason(error)) from error
+            raise self._lost(error) from error
         finally:
             if held:
-                self._sending.release()
+                self._handing.release()
 
     def receive(self, timeout_s: float) -> bytes:
         """Return what has come within `timeout_s`.
@@ -82,31 +98,29 @@ class SerialLink:
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:
-            raise self._error("link.lost", _reason(error)) from error
+            raise self._lost(error) from error
         if not data:
-            raise self._error("link.lost", os.strerror(errno.ENXIO))
+            raise self._lost(OSError(errno.ENXIO, os.strerror(errno.ENXIO)))
         return data
 
     def close(self) -> None:
-        """Close the device. A send that is under way comes first, while it gets on."""
-        held = self._sending.acquire(timeout=SEND_TIMEOUT_S)
-        try:
+        """Close the device."""
+        with self._handing:
             self._line.close()
-        finally:
-            if held:
-                self._sending.release()
 
-    def _send_all(self, data: bytes) -> None:
-        line, deadline = self._line.fileno(), time.monotonic() + SEND_TIMEOUT_S
-        while data:
-            _, writable, _ = select.select([], [line], [], max(deadline - time.monotonic(), 0.0))
-            if not writable:
-                raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
-            # A stop from another thread may have taken the room between the question and the writing.
+    def _hand_over(self, data: memoryview) -> int:
+        """Hand the line what there is room for ahead of a stop; return how many bytes that was."""
+        with self._handing:
+            line, now_s = self._line.fileno(), time.monotonic()
+            room = min(self._pace.room(now_s), self._pace.ahead - _queued(line))
+            if room <= 0:
+                return 0
             try:
-                data = data[os.write(line, data) :]
+                sent = os.write(line, data[:room])
             except BlockingIOError:
-                continue
+                return 0
+            self._pace.handed(sent, now_s)
+        return sent
 
     def _squeeze_in(self, data: bytes, deadline: float) -> None:
         line = self._line.fileno()
@@ -118,16 +132,16 @@ class SerialLink:
             sent = os.write(line, data)
         if sent < len(data):
             raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+        self._pace.handed(sent, time.monotonic())
 
-    def _error(self, code: str, reason: str) -> LinkError:
-        return LinkError(Problem(code=code, where=self.address, value=reason))
+    def _lost(self, error: OSError | ValueError) -> LinkError:
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        return LinkError(Problem(code="link.lost", where=self.address, value=reason))
 
 
-def _reason(error: OSError | ValueError) -> str:
-    """Return the reason alone: pyserial wraps it into sentences of its own."""
-    number = getattr(error, "errno", None)
-    if number is None:
-        return str(error)
-    if isinstance(error, serial.SerialException) and number == errno.EAGAIN:
-        number = errno.EBUSY  # the lock of another program
-    return os.strerror(number)
+def _queued(line: int) -> int:
+    """Return how many bytes the system still has to give to the line; not every driver tells."""
+    try:
+        return int(struct.unpack("i", fcntl.ioctl(line, termios.TIOCOUTQ, bytes(4)))[0])
+    except OSError:
+        return 0

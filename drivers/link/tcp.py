@@ -2,89 +2,52 @@
 
 from __future__ import annotations
 
-import select
-import socket
-import threading
-
-from drivers.errors import LinkError
 from drivers.link.address import TcpAddress
-from profiles.problem import Problem
+from drivers.link.connection import Connection
 
-CONNECT_TIMEOUT_S = 5.0
 SEND_TIMEOUT_S = 2.0
-CHUNK = 65_536
+URGENT_WAIT_S = 0.02
+"""How long a stop waits for room in a connection that has none."""
 
 
 class TcpLink:
-    """One connected socket."""
+    """One connection. A control character acts in the middle of a line, too: nothing is in a stop's way."""
+
+    reserved_stop = False
 
     def __init__(self, address: TcpAddress) -> None:
         """Connect.
 
         Raises:
-            LinkError: `link.unknown_host`, `link.refused`, `link.no_answer` or `link.failed`.
+            LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`.
         """
         self.address = str(address)
-        self._sending = threading.Lock()
-        try:
-            self._socket = socket.create_connection((address.host, address.port), CONNECT_TIMEOUT_S)
-        except socket.gaierror as error:
-            raise self._error("link.unknown_host", error) from error
-        except ConnectionRefusedError as error:
-            raise self._error("link.refused", error) from error
-        except TimeoutError as error:
-            raise self._error("link.no_answer", error) from error
-        except OSError as error:
-            raise self._error("link.failed", error) from error
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.settimeout(SEND_TIMEOUT_S)
+        self._connection = Connection(address.host, address.port, self.address)
 
     def send(self, data: bytes) -> None:
         """Send bytes in order.
 
         Raises:
-            LinkError: `link.lost`.
+            LinkError: `link.lost`; also when nothing of it is taken for `SEND_TIMEOUT_S`.
         """
-        try:
-            with self._sending:
-                self._socket.sendall(data)
-        except OSError as error:
-            raise self._error("link.lost", error) from error
+        self._connection.write(data, SEND_TIMEOUT_S)
 
     def send_urgent(self, data: bytes) -> None:
-        """Send now. A line that another thread is sending goes first: it is short, and TCP keeps the order.
+        """Send now, past what still waits in `send`.
 
-        A signal handler may have interrupted that very send, so the wait for it is bounded.
+        Raises:
+            LinkError: `link.lost`; also when it is not taken within `URGENT_WAIT_S`.
         """
-        held = self._sending.acquire(timeout=0.05)
-        try:
-            self._socket.sendall(data)
-        except OSError as error:
-            raise self._error("link.lost", error) from error
-        finally:
-            if held:
-                self._sending.release()
+        self._connection.write(data, URGENT_WAIT_S)
 
     def receive(self, timeout_s: float) -> bytes:
         """Return what has come within `timeout_s`.
 
         Raises:
-            LinkError: `link.lost`.
+            LinkError: `link.lost`, or `link.closed` by the controller.
         """
-        try:
-            readable, _, _ = select.select([self._socket], [], [], max(timeout_s, 0.0))
-            if not readable:
-                return b""
-            data = self._socket.recv(CHUNK)
-        except (OSError, ValueError) as error:
-            raise self._error("link.lost", error) from error
-        if not data:
-            raise self._error("link.lost", "closed by the controller")
-        return data
+        return self._connection.read(timeout_s)
 
     def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
-
-    def _error(self, code: str, detail: object) -> LinkError:
-        return LinkError(Problem(code=code, where=self.address, value=str(detail)))
+        """Close the connection."""
+        self._connection.close()

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from drivers.pmac.analysis.timeline import turning_points
 from drivers.pmac.analysis.walk import Ending, walk
 from drivers.pmac.axes import AxisDefinition
+from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.program_text import ProgramText
@@ -53,13 +54,16 @@ def run_through(
     i_variables: Mapping[int, float],
     definitions: Sequence[AxisDefinition],
     start: Mapping[int, float],
+    dialect: Dialect = PMAC,
 ) -> CheckedProgram:
     """Run a program from `start` (counts by motor) with ideal axes.
+
+    What compensation tables add is not in it, and time passes as the card's own time base has it.
 
     Raises:
         PmacError: what the controller would refuse; 003 also for a program without an end.
     """
-    walked = walk(text, i_variables, definitions, start, most_steps=ENDLESS_MOVES, watched=False)
+    walked = walk(text, i_variables, definitions, start, dialect=dialect, most_steps=ENDLESS_MOVES, watched=False)
     if walked.error is not None:
         raise walked.error
     if walked.ending is not Ending.FINISHED:
@@ -98,12 +102,17 @@ def extent(pieces: Sequence[Piece], index: int) -> tuple[float, float]:
     return min(values), max(values)
 
 
+def peak_velocity(pieces: Sequence[Piece], index: int) -> float:
+    """Return the greatest speed of one motor over some pieces, counts/ms."""
+    return max((_peak_velocity(piece.cubics[index], piece.duration_ms) for piece in pieces), default=0.0)
+
+
 def _summary(motors: tuple[int, ...], moves: list[CheckedMove], pieces: list[Piece]) -> CheckedProgram:
     peak: dict[int, float] = {}
     lowest: dict[int, float] = {}
     highest: dict[int, float] = {}
     for index, motor in enumerate(motors):
-        peak[motor] = max((_peak_velocity(p.cubics[index], p.duration_ms) for p in pieces), default=0.0)
+        peak[motor] = peak_velocity(pieces, index)
         lowest[motor], highest[motor] = extent(pieces, index) if pieces else (0.0, 0.0)
     return CheckedProgram(
         motors=motors,

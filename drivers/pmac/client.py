@@ -1,96 +1,164 @@
-"""The host's side of a PMAC: one request in flight, replies matched by framing, errors with their number."""
+"""The host's side of a PMAC: one request in flight, replies matched by framing and by their number of lines.
+
+Nothing that moves or writes is ever sent twice. When its reply does not come, its outcome is unknown, and
+`read_back` finds it out. Only what asks may be asked `again`. After any fault of the link the next line waits
+until link and card are proven to be in step.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from contextlib import suppress
+from enum import StrEnum, auto
 
 from drivers.clock import Clock
-from drivers.errors import ControllerError, LinkError, LinkTimeoutError
+from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
-from drivers.pmac.framing import FramingError, Reply, take_reply
+from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
+from drivers.pmac.exchange import REPLY_TIMEOUT_S, Exchange
+from drivers.pmac.foreseen import foresee, number_of, settings_in
+from drivers.pmac.link_faults import LinkFaults
 from profiles.problem import Problem
 
-FLUSH = b"\x18"
-
-REPLY_TIMEOUT_S = 2.0
-QUIET_S = 0.1
-DRAIN_LIMIT_S = 2.0
-"""After this something that talks without end is no controller; the next reply will show it."""
-_VERSION = re.compile(r"\d+\.\d+")
+__all__ = ["LINE_LIMIT", "REPLY_TIMEOUT_S", "Outcome", "PmacClient"]
 
 LINE_LIMIT = 250
 """Characters of one command line; the card's own limit is 255."""
 
+HANDSHAKE = "I3=2 I6=1"
+CHECKSUMS_OFF = "I4=0"
+_MARK_MESSAGES = 64
+"""The I-variable that puts a mark in front of what programs say unasked, where the family has it."""
+
+_VERSION = re.compile(r"\d+\.\d+")
+
+
+class Outcome(StrEnum):
+    """What became of a line that sets variables."""
+
+    DONE = auto()
+    NOT_DONE = auto()
+    PARTLY_DONE = auto()
+
 
 class PmacClient:
-    """Talks to one controller over one link.
-
-    Queries and commands are told apart by their caller: nothing here is ever sent twice.
-    """
+    """Talks to one controller over one link."""
 
     def __init__(self, link: Link, clock: Clock) -> None:
         self.link = link
-        self._clock = clock
-        self._buffer = b""
+        self._exchange = Exchange(link, clock)
+        self._dialect: Dialect | None = None
+
+    @property
+    def dialect(self) -> Dialect:
+        """The family of the controller, by its answer to TYPE.
+
+        Raises:
+            RefusedError: `link.not_connected`, it was not asked yet.
+        """
+        if self._dialect is None:
+            raise RefusedError(Problem(code="link.not_connected", where=self.link.address))
+        return self._dialect
+
+    @property
+    def faults(self) -> LinkFaults:
+        """What went wrong on the link up to now; may be read from any thread."""
+        return self._exchange.faults
+
+    @property
+    def in_step(self) -> bool:
+        """Whether the next line may go out as it is; else it waits for `resynchronise`."""
+        return self._exchange.in_step
+
+    @property
+    def buffer_may_be_open(self) -> bool:
+        """Whether a program buffer was opened from here and not yet proven to be closed."""
+        return self._exchange.buffer_open
 
     def connect(self) -> tuple[str, str]:
         """Empty the line, set the handshake, and return version and type as the controller states them.
 
         Raises:
-            LinkError: `link.silent`, nothing answers; `link.not_a_pmac`, something else does.
+            LinkError: `link.silent`, nothing answers; `link.not_a_pmac`, something else does; `link.unknown_type`,
+                a controller of another family; `link.not_in_step`; `controller.buffer_open`; `link.lost`.
         """
-        self.link.send(FLUSH)
-        self._drain()
+        exchange = self._exchange
+        self._dialect = None
+        exchange.forget()
         # An earlier client may have left half a line behind: the empty line ends it, its error is not ours.
         # Checksums may be on (I4), and would stand behind every answer.
-        self.link.send(b"\rI4=0\r")
-        self._drain()
-        try:
-            self.request("I3=2 I6=1")
-            version, kind = (reply.strip() for reply in self.query("VERSION", "TYPE"))
-        except LinkTimeoutError:
-            raise
-        except LinkError as error:
-            raise self._not_a_pmac(str(error.problems[0].value)) from error
-        if not _VERSION.match(version):
-            raise self._not_a_pmac(version)
+        self.link.send(f"\r{CHECKSUMS_OFF}\r".encode("ascii"))
+        exchange.drain()
+        version, kind = self._identify()
+        self._dialect = dialect = dialect_of(kind)
+        if dialect is None:
+            limit = " | ".join(f"{each.type_prefix}..." for each in DIALECTS.values())
+            where = self.link.address
+            raise LinkError(Problem(code="link.unknown_type", where=where, value=kind[:40], limit=limit))
+        marked = [f"I{_MARK_MESSAGES}=1"] if _MARK_MESSAGES in dialect.ranges else []
+        exchange.prove(" ".join([HANDSHAKE, CHECKSUMS_OFF, *marked]))
         return version, kind
 
-    def request(self, line: str, timeout_s: float = REPLY_TIMEOUT_S) -> tuple[str, ...]:
-        """Send one line and return the data of its reply.
+    def resynchronise(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
+        """Prove with a fresh marker that link and card are in step; make I3, I4, I6 and I64 again.
+
+        A program buffer that may have been left open from here is closed. Nothing moves.
+
+        Raises:
+            LinkError: `link.not_in_step`, `controller.buffer_open`, or the link is gone.
+        """
+        self._exchange.resynchronise(timeout_s)
+
+    def take_messages(self) -> tuple[str, ...]:
+        """Return, and forget, what programs of the controller have said unasked; of many only the latest."""
+        messages = tuple(self._exchange.messages)
+        self._exchange.messages.clear()
+        return messages
+
+    def request(
+        self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None
+    ) -> tuple[str, ...]:
+        """Send one line and return the data of its reply: `lines` of them.
+
+        Without `lines` the line itself says how many: a command has none. Where it does not say so (LIST, and what
+        is not known here), any number is taken.
 
         Raises:
             ControllerError: the controller refused it.
-            LinkTimeoutError: no complete reply in time; what the line did is unknown.
-            LinkError: the link broke or is out of step.
+            LinkTimeoutError: no complete reply in time.
+            LinkError: the link broke or is out of step; `link.outcome_unknown` is among its problems if the line
+                may have done something.
         """
-        self.send(line)
-        return self.reply(line, timeout_s)
+        self.send(line, timeout_s)
+        return self.reply(line, timeout_s, lines=lines)
 
-    def send(self, line: str) -> None:
+    def send(self, line: str, timeout_s: float = REPLY_TIMEOUT_S) -> None:
         """Send one line without waiting; `reply` must follow, one line is in flight at a time.
+
+        `timeout_s` is for the way back in step, where that is due.
 
         Raises:
             ControllerError: `controller.line_too_long`, nothing was sent.
-            LinkError: the link broke.
+            LinkError: the link broke; or `link.not_in_step`, `controller.buffer_open`: nothing was sent.
         """
         data = line.encode("latin-1")
         if len(data) > LINE_LIMIT or b"\r" in data:
             raise ControllerError(
                 Problem(code="controller.line_too_long", where=self.link.address, value=line[:40])
             )
-        self.link.send(data + b"\r")
+        self._exchange.send(line, data + b"\r", timeout_s)
 
-    def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S) -> tuple[str, ...]:
+    def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
         """Return the data of the reply to `line`, which was sent before.
 
         Raises:
             ControllerError: the controller refused it.
-            LinkTimeoutError: no complete reply in time; what the line did is unknown.
-            LinkError: the link broke or is out of step.
+            LinkError: as for `request`.
         """
-        reply = self._reply(line, timeout_s)
+        if lines is None and not self._exchange.buffer_open:
+            lines = foresee(line).lines
+        reply = self._exchange.reply(line, timeout_s, lines)
         if reply.error_number is not None:
             raise ControllerError(
                 Problem(code=f"controller.err{reply.error_number:03d}", where=self.link.address, value=line),
@@ -98,81 +166,116 @@ class PmacClient:
             )
         return reply.lines
 
-    def query(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S) -> tuple[str, ...]:
+    def query(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[str, ...]:
         """Ask for several values in one line; return exactly one text for each.
 
-        Raises:
-            LinkError: `link.out_of_step`, the reply has another number of lines.
-        """
-        line = " ".join(items)
-        values = self.request(line, timeout_s)
-        if len(values) != len(items):
-            raise LinkError(
-                Problem(
-                    code="link.out_of_step",
-                    where=self.link.address,
-                    key=line,
-                    value=str(len(values)),
-                    limit=str(len(items)),
-                )
-            )
-        return values
+        With `again` it is asked once more, in step, when a fault of the link has spoiled the first answer.
 
-    def numbers(self, *items: str) -> tuple[float, ...]:
+        Raises:
+            RefusedError: `controller.not_a_question`, with `again`: it may change something; nothing was sent.
+            ControllerError: the controller refused it.
+            LinkError: as for `request`.
+        """
+        ask = self.question if again else self.request
+        return ask(" ".join(items), timeout_s, lines=len(items))
+
+    def question(
+        self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None
+    ) -> tuple[str, ...]:
+        """Return the data of the reply to a line that changes nothing, asked a second time after a fault.
+
+        Raises:
+            RefusedError: `controller.not_a_question`, nothing was sent.
+            ControllerError: the controller refused it.
+            LinkError: the link is gone, or the fault came twice.
+        """
+        if not foresee(line).reads_only:
+            where = self.link.address
+            raise RefusedError(Problem(code="controller.not_a_question", where=where, value=line[:40]))
+        try:
+            return self.request(line, timeout_s, lines=lines)
+        except LinkError:
+            self._exchange.resynchronise(timeout_s)  # over a link that is gone, this tells so
+        return self.request(line, timeout_s, lines=lines)
+
+    def numbers(self, *items: str, again: bool = False) -> tuple[float, ...]:
         """Ask for numbers.
 
         Raises:
             LinkError: `link.out_of_step`, a value is no number.
         """
-        values = self.query(*items)
+        values = self.query(*items, again=again)
         try:
-            return tuple(float(value) for value in values)
+            return tuple(number_of(value) for value in values)
         except ValueError as error:
             raise LinkError(Problem(code="link.out_of_step", where=self.link.address, value=str(error))) from error
 
+    def read_back(self, line: str) -> Outcome:
+        """Find out what became of a line that sets variables to plain numbers, after its reply did not come.
+
+        Raises:
+            RefusedError: `controller.not_settings`, the line does something else; the machine must be looked at.
+            DriverError: the variables cannot be read.
+        """
+        wanted = settings_in(line)
+        if wanted is None:
+            where = self.link.address
+            raise RefusedError(Problem(code="controller.not_settings", where=where, value=line[:40]))
+        found = self.numbers(*wanted, again=True)
+        held = [met == value for met, value in zip(found, wanted.values(), strict=True)]
+        if all(held):
+            return Outcome.DONE
+        return Outcome.PARTLY_DONE if any(held) else Outcome.NOT_DONE
+
     def download(self, lines: Iterable[str]) -> None:
-        """Send program lines one by one; the first refusal ends it, with the buffer closed again.
+        """Send program lines one by one; the first that is not accepted ends it, with the buffer closed again.
 
         Raises:
             ControllerError: with the line that was refused.
+            LinkError: the link broke or is out of step; with `controller.buffer_may_be_open` if it could not be
+                closed.
         """
         try:
             for line in lines:
-                self.request(line)
-        except ControllerError:
-            self.request("CLOSE")
+                # A line that is stored answers nothing, whatever it would answer on line.
+                expected = 0 if self._exchange.buffer_open else foresee(line).lines or 0
+                self.request(line, lines=expected)
+        except DriverError as error:
+            self._close_behind(error)
             raise
+        except BaseException:
+            with suppress(LinkError):
+                self._close_behind(DriverError())
+            raise
+
+    def _identify(self) -> tuple[str, str]:
+        try:
+            self.request(HANDSHAKE, lines=0)
+            version, kind = (reply.strip() for reply in self.query("VERSION", "TYPE"))
+        except LinkTimeoutError as error:
+            raise LinkTimeoutError(error.problems[0]) from error  # of the handshake no outcome matters
+        except LinkError as error:
+            problem = error.problems[0]
+            if problem.code != "link.out_of_step":
+                raise
+            raise self._not_a_pmac(problem.value) from error
+        if not _VERSION.match(version):
+            raise self._not_a_pmac(version)
+        return version, kind
+
+    def _close_behind(self, error: DriverError) -> None:
+        """Close the buffer that a download may have left open.
+
+        Raises:
+            LinkError: that cannot be done, or not be proven.
+        """
+        if not self._exchange.buffer_open:
+            return
+        try:
+            self._exchange.resynchronise()
+        except LinkError as unclosed:
+            open_yet = Problem(code="controller.buffer_may_be_open", where=self.link.address)
+            raise LinkError(*error.problems, *unclosed.problems, open_yet) from error
 
     def _not_a_pmac(self, met: str) -> LinkError:
         return LinkError(Problem(code="link.not_a_pmac", where=self.link.address, value=met[:40]))
-
-    def _reply(self, line: str, timeout_s: float) -> Reply:
-        deadline = self._clock.now_s() + timeout_s
-        while True:
-            try:
-                reply, used = take_reply(self._buffer)
-            except FramingError as error:
-                self._buffer = b""
-                self.link.send(FLUSH)
-                self._drain()
-                raise LinkError(
-                    Problem(code="link.out_of_step", where=self.link.address, key=line, value=str(error))
-                ) from error
-            if reply is not None:
-                self._buffer = self._buffer[used:]
-                return reply
-            left = deadline - self._clock.now_s()
-            if left <= 0.0:
-                self.link.send(FLUSH)
-                self._drain()
-                raise LinkTimeoutError(
-                    Problem(code="link.silent", where=self.link.address, key=line, value=f"{timeout_s:g} s")
-                )
-            self._buffer += self.link.receive(left)
-
-    def _drain(self) -> None:
-        """Read until the line has been quiet, and forget what came."""
-        deadline = self._clock.now_s() + DRAIN_LIMIT_S
-        while self.link.receive(QUIET_S) and self._clock.now_s() < deadline:
-            pass
-        self._buffer = b""

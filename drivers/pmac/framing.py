@@ -1,61 +1,174 @@
 """Replies of the controller cut out of a stream of bytes, with I3=2 and I6=1.
 
 A line that is accepted answers DATA CR [DATA CR ...] ACK, a line that is refused BELL ERRnnn CR, perhaps after
-data of the commands before the error. Pure and incremental: bytes may come in any segmentation.
+data of the commands before the error. With I64=1 what programs say unasked is STX TEXT CR, and may stand between
+any two lines. Incremental: bytes may come in any segmentation, and each is looked at about once.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from enum import Enum, auto
 
-ACK = 0x06
-BELL = 0x07
-CR = 0x0D
-NUL = 0x00
+from drivers.pmac.link_faults import FaultKind
 
+NUL, STX, ACK, BELL, LF, CR = 0x00, 0x02, 0x06, 0x07, 0x0A, 0x0D
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reply:
-    """The answer to one line: its data, and the ERR number when it was refused (None when accepted)."""
-
-    lines: tuple[str, ...]
-    error_number: int | None = None
+_NO_TEXT = re.compile(rb"[^\n\x20-\x7e]")
+_REFUSAL = re.compile(rb"ERR(\d{3})")
 
 
 class FramingError(ValueError):
     """Bytes that no controller in this mode sends: the link is out of step."""
+
+    def __init__(self, message: str, kind: FaultKind = FaultKind.GARBLED) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reply:
+    """The answer to one line: its data, and the ERR number when it was refused (None when accepted).
+
+    `messages` are the texts of programs that came in front of its end.
+    """
+
+    lines: tuple[str, ...]
+    error_number: int | None = None
+    messages: tuple[str, ...] = ()
+
+
+class _Part(Enum):
+    LINE = auto()
+    MESSAGE = auto()
+    ACCEPTED = auto()
+    REFUSED = auto()
 
 
 def take_reply(buffer: bytes) -> tuple[Reply | None, int]:
     """Return the first complete reply in `buffer` and the number of bytes that it takes (0 while incomplete).
 
     Raises:
-        FramingError: NUL, a byte above 126, or text in front of an ACK or behind a BELL that is no reply.
+        FramingError: NUL, a byte that is no text, or text in front of an ACK or behind a BELL that is no reply.
     """
-    for index, byte in enumerate(buffer):
-        if byte == ACK:
-            return Reply(lines=_data_lines(buffer[:index])), index + 1
-        if byte == BELL:
-            end = buffer.find(CR, index)
-            if end < 0:
-                return None, 0
-            number = _error_number(buffer[index + 1 : end])
-            return Reply(lines=_data_lines(buffer[:index]), error_number=number), end + 1
-        if byte == NUL or byte > 126:
-            raise FramingError(f"byte {byte:#04x} in a reply")
-    return None, 0
+    reader = ReplyReader()
+    reader.feed(buffer)
+    reply = reader.take()
+    return reply, 0 if reply is None else len(buffer) - len(reader.rest)
 
 
-def _data_lines(data: bytes) -> tuple[str, ...]:
-    if not data:
-        return ()
-    if data[-1] != CR:
-        raise FramingError("data without an end of line")
-    return tuple(line.strip(b"\n").decode("ascii") for line in data[:-1].split(b"\r"))
+class ReplyReader:
+    """Bytes in, replies out. `rest` is what has come and is not yet part of a whole line."""
+
+    def __init__(self) -> None:
+        self.rest = b""
+        self._lines: list[str] = []
+        self._messages: list[str] = []
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing of a reply has come, nor of anything else."""
+        return not (self.rest or self._lines or self._messages)
+
+    @property
+    def presumed(self) -> FaultKind | None:
+        """What it is if nothing more comes soon; None where more may well be on its way."""
+        if self.rest.endswith(bytes((BELL,))):
+            return FaultKind.BARE_BELL
+        # DATA CR LF, or LF alone, is the end of a reply with I3=1; with I3=2 no line begins like that.
+        return FaultKind.HANDSHAKE if self.rest == bytes((LF,)) else None
+
+    def feed(self, data: bytes) -> None:
+        """Take what has come."""
+        self.rest += data
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.rest = b""
+        self._lines.clear()
+        self._messages.clear()
+
+    def take(self) -> Reply | None:
+        """Return the first complete reply, None while there is none.
+
+        Raises:
+            FramingError: what has come can be no reply, whatever follows.
+        """
+        end = self._collect()
+        if end is None:
+            return None
+        part, number = end
+        error_number = int(number) if part is _Part.REFUSED else None
+        reply = Reply(lines=tuple(self._lines), error_number=error_number, messages=tuple(self._messages))
+        self._lines.clear()
+        self._messages.clear()
+        return reply
+
+    def take_messages(self) -> tuple[str, ...]:
+        """Return the messages at the front while nothing is asked; `empty` then says whether that was all.
+
+        Raises:
+            FramingError: the first of them has something in it that is no text.
+        """
+        texts = []
+        while self.rest[:1] == bytes((STX,)) and (taken := _part(self.rest, 0)) is not None:
+            _, text, place = taken
+            texts.append(text)
+            self.rest = self.rest[place:]
+        return tuple(texts)
+
+    @property
+    def within_message(self) -> bool:
+        """Whether all that has come is the beginning of a message."""
+        return self.rest.startswith(bytes((STX,))) and not self._lines
+
+    def _collect(self) -> tuple[_Part, str] | None:
+        """Sort whole lines into data and messages up to the end of a reply; return that end."""
+        place = 0
+        try:
+            while (taken := _part(self.rest, place)) is not None:
+                part, text, place = taken
+                if part is _Part.LINE:
+                    self._lines.append(text)
+                elif part is _Part.MESSAGE:
+                    self._messages.append(text)
+                else:
+                    return part, text
+        finally:
+            self.rest = self.rest[place:]
+        return None
 
 
-def _error_number(text: bytes) -> int:
-    digits = text.removeprefix(b"ERR")
-    if len(text) != 6 or len(digits) != 3 or not digits.isdigit():
-        raise FramingError("a BELL without an error number")
-    return int(digits)
+def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
+    """Return the next part of a reply, its text, and where the next one begins; None while it is not complete."""
+    if start == len(buffer):
+        return None
+    if buffer[start] == ACK:
+        return _Part.ACCEPTED, "", start + 1
+    begin = start + 1 if buffer[start] in (STX, BELL) else start
+    found = _NO_TEXT.search(buffer, begin)
+    if found is None:
+        return None
+    end = found.start()
+    if buffer[end] == NUL:
+        raise FramingError(f"byte {NUL:#04x} in a reply", FaultKind.NUL)
+    if buffer[start] == BELL:
+        return _Part.REFUSED, _error_number(buffer[begin:end], buffer[end]), end + 1
+    if buffer[end] != CR:
+        problem = "data without an end of line" if buffer[end] in (ACK, BELL) else "in a reply"
+        raise FramingError(f"byte {buffer[end]:#04x}: {problem}")
+    return _Part.MESSAGE if begin > start else _Part.LINE, _text(buffer[begin:end]), end + 1
+
+
+def _text(data: bytes) -> str:
+    return data.strip(b"\n").decode("ascii", "backslashreplace")
+
+
+def _error_number(text: bytes, end: int) -> str:
+    found = _REFUSAL.fullmatch(text)
+    if end == CR and found is not None:
+        return found[1].decode("ascii")
+    # BELL CR ERRnnn CR is what I6=3 words it like.
+    kind = FaultKind.HANDSHAKE if end == CR and not text else FaultKind.GARBLED
+    raise FramingError("a BELL without an error number", kind)

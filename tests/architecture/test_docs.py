@@ -19,11 +19,15 @@ DOCUMENTS = (
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "benchmarks/README.md",
+    "docs/commissioning.md",
     "docs/faults.md",
+    "docs/heartbeat.md",
+    "docs/links.md",
     "docs/paper-program.md",
     "docs/plant.md",
     "docs/pmac-emulation.md",
     "docs/screens.md",
+    "docs/strategies.md",
 )
 COMMANDS = (
     "python3 -m venv .venv && .venv/bin/pip install -q -e . && .venv/bin/console --sim",

@@ -69,6 +69,12 @@ def test_as_json_it_is_the_answer_and_the_reason(
     assert said.code == (0 if reason is None else 1)
 
 
+def test_a_line_feed_would_be_two_lines_and_is_refused(console: Console, tmp_path: Path) -> None:
+    for language in ("en", "ko"):
+        said = console("fault", f"unix:{tmp_path / 'nothing'}", "inject", "nul\nclear", "--lang", language)
+        assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+
+
 def test_nobody_there_is_told(console: Console, tmp_path: Path) -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as server:
         port = server.getsockname()[1]

@@ -81,6 +81,7 @@ def test_without_compensation_nothing_is_gained(console: Console) -> None:
     result = console("run", "lee-2001-experiment-2", "--sim", "--json", "--strategy", "none").json
     assert result["before"] == result["after"]
     assert result["improvement_percent"] == 0
+    assert result["collisions"] == []
 
 
 def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(console: Console, job_file: JobFile) -> None:
@@ -154,3 +155,14 @@ def test_without_a_place_for_the_record_nothing_is_started(console: Console, tmp
     assert said.out == ""
     assert "--data" in said.err
     assert said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("language", "word"), [("en", "deeper"), ("ko", "충돌")])
+def test_what_the_tool_ran_into_is_told(
+    console: Console, monkeypatch: pytest.MonkeyPatch, language: str, word: str
+) -> None:
+    """A tool that takes nothing, put to an ordinary cut."""
+    words = ("run", "lee-2001-experiment-1", "--sim", "--strategy", "none", "--lang", language)
+    monkeypatch.setattr("drivers.simulator.plant.collision.TOOL_TAKES_MM", -0.05)
+    assert any(word in line for line in console(*words).out.splitlines())
+    assert console(*words, "--json").json["collisions"] == ["too_deep"]

@@ -249,3 +249,16 @@ def test_a_ts_that_the_controller_does_not_take_is_refused(
     with pytest.raises(DriverError) as refused:
         plan_cut(experiment(1), machine, Strategy.PAPER, ts_ms)
     assert refused.value.problems[0].code == "program.refused"
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+def test_a_lease_is_looked_at_in_every_turn_and_changes_nothing_else(
+    machine: MachineProfile, experiment: JobMaker, strategy: Strategy
+) -> None:
+    """It has run out while a program is only planned; the motion is planned as if it were renewed."""
+    plain = plan_cut(experiment(1), machine, strategy)
+    leased = plan_cut(experiment(1), machine, strategy, lease="I5111>0")
+    assert leased.text.count("M26=0 AND I5111>0 AND ") == 1
+    assert leased.text.replace(" AND I5111>0", "") == plain.text
+    assert leased.duration_s == plain.duration_s
+    assert leased.findings == plain.findings

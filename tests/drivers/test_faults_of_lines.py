@@ -63,6 +63,52 @@ def test_a_reply_in_two_turns_is_spoiled_as_one(card: Wire) -> None:
     assert said == b"\x07"
 
 
+def test_a_checksum_on_demand_is_a_reply(card: Wire) -> None:
+    """Control-N, behind "P1": 0x50 + 0x31 = 0x81."""
+    assert card.raw("P1\x0e") == b"\x81"
+    card.raw("\x18")
+    card.sim.faults.inject("nul", replies=1)
+    assert card.raw("P1\x0e") == b"\0"
+    assert card.sim.faults.active() != ()
+    card.sim.wait(CYCLE_S)
+    assert card.sim.faults.active() == ()
+
+
+@pytest.mark.parametrize(
+    ("fault", "untouched", "touched"),
+    [("dropped-ack", "UUU\r", "P1\r"), ("split-segments", "P9=1\r", "P1\r")],
+)
+def test_only_replies_that_are_changed_count(card: Wire, fault: str, untouched: str, touched: str) -> None:
+    """A refusal has no acknowledgement to lose, and one character no pieces."""
+    card.sim.faults.inject(fault, replies=1)
+    for _ in range(3):
+        card.raw(untouched)
+        card.sim.wait(CYCLE_S)
+        assert len(card.sim.faults.active()) == 1
+    card.raw(touched)
+    card.sim.wait(CYCLE_S)
+    assert card.sim.faults.active() == ()
+
+
+def test_what_is_late_arrives_at_once_when_all_faults_are_cleared(card: Wire) -> None:
+    card.sim.faults.inject("late-reply", delay_ms=30_000)
+    assert card.raw("P1\r") == b""
+    card.sim.wait(0.1)
+    card.sim.faults.clear()
+    card.sim.faults.inject("late-reply", delay_ms=100)
+    assert card.raw("P2\r") == b"25\r\x06"
+    card.sim.wait(0.11)
+    assert card.port.take_output() == b"50\r\x06"
+
+
+def test_what_hosts_have_sent_on_a_slow_line_arrives_at_once_when_all_faults_are_cleared(card: Wire) -> None:
+    card.sim.faults.inject("9600-baud", baud=110)
+    card.port.receive(b"P1=33\r")
+    card.sim.wait(0.05)
+    card.sim.faults.clear()
+    assert card.raw("P1\r") == b"\x0633\r\x06"
+
+
 def test_what_is_not_answered_is_not_spoiled_either(card: Wire) -> None:
     card.raw("I3=0\r")
     card.sim.faults.inject("nul")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -10,8 +11,10 @@ import pytest
 from drivers.pmac.dialect import PMAC, TURBO
 from drivers.pmac.language.text import format_number
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import ideal
+from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
-from tests.drivers.conftest import Bench
+from tests.drivers.conftest import Bench, TrueBenchMaker
 from tests.drivers.wire_card import wire
 
 MOTORS = {"tool": 1, "spindle": 2, "carriage": 3}
@@ -127,6 +130,23 @@ def test_the_ripple_of_the_spindle_is_of_the_asked_size_and_number(closed: Bench
     closed.sim.wait(0.3)
     steps = [b - a for a, b in pairwise(recorder.positions)]
     assert steps == pytest.approx([mean] * len(steps), rel=1e-3)
+
+
+@pytest.mark.parametrize("ideal_spindle", [True, False])
+def test_jogs_end_in_position_with_a_ripple_and_a_clear_at_rest_leaves_nothing(
+    machine: MachineProfile, bench_with: TrueBenchMaker, ideal_spindle: bool
+) -> None:
+    bench = bench_with(replace(ideal(machine), ideal_spindle=ideal_spindle))
+    bench.lathe.enable()
+    bench.sim.faults.inject("spindle-ripple")
+    for target in (1250.0, 8100.0, -3750.0):
+        bench.lathe.jog_to(AxisName.SPINDLE, target)
+        assert bench.number("#2P") == pytest.approx(target, abs=10)
+    bench.sim.wait(0.5)
+    there = bench.number("#2P")
+    bench.sim.faults.clear()
+    bench.sim.wait(0.5)
+    assert bench.number("#2P") == pytest.approx(there, abs=1)
 
 
 def test_a_stranger_changes_a_gain_of_the_tool_behind_the_back_of_everybody(bench: Bench) -> None:

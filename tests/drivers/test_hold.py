@@ -17,6 +17,7 @@ from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import StopPath
 from profiles.compensation import wanted_path
 from profiles.roundness import evaluate
+from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:
     from profiles.job import Job
@@ -93,7 +94,7 @@ def run(bench: Bench, plan: CutPlan, hold_s: float | None) -> Run:
             held = True
             lathe.hold()
 
-    lathe.start(plan.program.number)
+    lathe.start(plan.program.number, plan.setup.retracted)
     last = lathe.follow(watch, timeout_s=2 * plan.duration_s)
     tool, spindle, carriage = recorders
     return Run(

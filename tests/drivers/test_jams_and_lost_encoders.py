@@ -11,6 +11,7 @@ from drivers.pmac.settings import settings_with
 from drivers.simulator.drives import Drives, build_drives
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile
+from tests.drivers.test_spindle_drives import inverter
 
 AXES = ("tool", "spindle", "carriage")
 
@@ -18,6 +19,35 @@ AXES = ("tool", "spindle", "carriage")
 def drives(machine: MachineProfile) -> Drives:
     true = replace(ideal(machine), ideal_spindle=False)
     return build_drives(machine, true, settings_with(machine.controller.variables))
+
+
+@pytest.mark.parametrize("name", ["spindle", "carriage"])
+def test_an_ideal_axis_closes_its_loop_on_the_last_reading_and_stands(machine: MachineProfile, name: str) -> None:
+    """As a servo does: the iron has run out by so much that nobody has seen, and stays where it is."""
+    axis = getattr(build_drives(machine, ideal(machine), settings_with(machine.controller.variables)), name)
+    axis.close_loop()
+    axis.follow([50.0] * 100)
+    axis.encoder_lost = True
+    there = axis.push(0.05, 200)[-1]
+    assert there > 60.0
+    assert axis.close_loop() == 50.0
+    assert axis.follow([50.0, 60.0]) == pytest.approx([there, there + 10.0])
+    axis.encoder_lost = False
+    axis.rebase(there - 50.0)
+    assert axis.follow([60.0]) == [60.0]
+    assert axis.close_loop() == 60.0
+
+
+def test_a_spindle_on_an_inverter_is_held_where_it_was_last_read() -> None:
+    spindle = inverter()
+    spindle.set_rpm(600.0)
+    spindle.coast(2000)
+    seen = spindle.close_loop()
+    spindle.encoder_lost = True
+    spindle.coast(2000)
+    assert spindle.close_loop() == seen
+    spindle.encoder_lost = False
+    assert spindle.close_loop() > seen + 1000
 
 
 @pytest.mark.parametrize("name", AXES)

@@ -15,6 +15,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
 from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import StopPath, StoppedError
+from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:
     from drivers.simulator.machine import SimulatedLathe
@@ -143,7 +144,7 @@ def test_an_axis_that_does_not_close_is_told(bench: Bench, machine: MachineProfi
 def test_a_program_is_followed_to_its_end_and_every_look_is_shown(closed: Bench) -> None:
     closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA100 TS0 TM1000\nZ1000\nZ1000\nCLOSE\n"))
     seen: list[Snapshot] = []
-    closed.lathe.start(3)
+    closed.lathe.start(3, 0.0)
     began = closed.sim.now_s()
     last = closed.lathe.follow(seen.append, timeout_s=10.0)
     assert last.in_position
@@ -156,7 +157,7 @@ def test_a_program_is_followed_to_its_end_and_every_look_is_shown(closed: Bench)
 
 def test_a_program_that_takes_too_long_is_stopped(closed: Bench) -> None:
     closed.lathe.load(read_program(SLOW))
-    closed.lathe.start(3)
+    closed.lathe.start(3, 0.0)
     began = closed.sim.now_s()
     with pytest.raises(DriverError) as late:
         closed.lathe.follow(lambda snapshot: None, timeout_s=1.0)
@@ -165,13 +166,13 @@ def test_a_program_that_takes_too_long_is_stopped(closed: Bench) -> None:
     closed.lathe.wait_for_rest()
     assert stands_still(closed)
     with pytest.raises(StoppedError):
-        closed.lathe.start(3)
+        closed.lathe.start(3, 0.0)
 
 
 def test_a_fault_under_way_stops_the_machine_and_is_named(closed: Bench) -> None:
     closed.client.request("I111=160 I117=0")
     closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nX40000\nZ1000\nCLOSE\n"))
-    closed.lathe.start(3)
+    closed.lathe.start(3, 0.0)
     with pytest.raises(DriverError) as fault:
         closed.lathe.follow(lambda snapshot: None, timeout_s=10.0)
     assert fault.value.problems[0].code == "machine.fault"
@@ -181,7 +182,7 @@ def test_a_fault_under_way_stops_the_machine_and_is_named(closed: Bench) -> None
 
 def test_a_run_time_error_is_a_fault(closed: Bench) -> None:
     closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nZ10\nP(0-1)=1\nCLOSE\n"))
-    closed.lathe.start(3)
+    closed.lathe.start(3, 0.0)
     with pytest.raises(DriverError) as fault:
         closed.lathe.follow(lambda snapshot: None, timeout_s=10.0)
     assert "program: runtime_error" in fault.value.problems[0].value
@@ -189,7 +190,7 @@ def test_a_run_time_error_is_a_fault(closed: Bench) -> None:
 
 def test_a_stop_inside_the_watch_ends_the_wait_and_nothing_moves_afterwards(closed: Bench) -> None:
     closed.lathe.load(read_program(SLOW))
-    closed.lathe.start(3)
+    closed.lathe.start(3, 0.0)
     closed.sim.wait(0.5)
     with pytest.raises(StoppedError) as stopped:
         closed.lathe.follow(lambda snapshot: closed.stop.stop("operator"), timeout_s=10.0)
@@ -232,7 +233,7 @@ def test_a_stop_from_another_thread_ends_a_jog(closed: Bench, kill: bool) -> Non
         lambda lathe: lathe.home(),
         lambda lathe: lathe.jog_to(AxisName.TOOL, 100.0),
         lambda lathe: lathe.load(read_program(SLOW)),
-        lambda lathe: lathe.start(3),
+        lambda lathe: lathe.start(3, 0.0),
     ],
 )
 def test_after_a_stop_nothing_that_moves_is_sent(closed: Bench, act: Callable[[Lathe], None]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -123,10 +124,22 @@ def test_a_buffer_that_somebody_left_open_is_found_by_the_refusal(bench: Bench) 
     assert bench.client.query("P1") == ("25",)
 
 
-def test_a_connection_begins_with_a_flush_an_end_of_line_and_the_handshake(bench: Bench) -> None:
+def test_a_connection_begins_with_a_flush_an_end_of_line_and_the_handshake_and_ends_with_a_proof(
+    bench: Bench,
+) -> None:
     bench.line.sent.clear()
     bench.client.connect()
-    assert bench.line.sent == [b"\x18", b"\rI4=0\r", b"I3=2 I6=1\r", b"VERSION TYPE\r"]
+    *first, proof = bench.line.sent
+    assert first == [b"\x18", b"\rI4=0\r", b"I3=2 I6=1\r", b"VERSION TYPE\r"]
+    assert re.fullmatch(rb"I3=2 I6=1 I4=0 I64=1 P1001=(\d+) P1001\r", proof)
+
+
+def test_each_proof_has_a_number_of_its_own(bench: Bench) -> None:
+    bench.line.sent.clear()
+    for _ in range(3):
+        bench.client.resynchronise()
+    proofs = [sent for sent in bench.line.sent if sent != b"\x18"]
+    assert len(proofs) == len(set(proofs)) == 3
 
 
 @pytest.mark.parametrize("i3", range(4))

@@ -31,7 +31,7 @@ def cut(bench: Bench, job: Job, machine: MachineProfile, strategy: Strategy, ts_
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
     lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    lathe.start(plan.program.number)
+    lathe.start(plan.program.number, plan.setup.retracted)
     lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
     return plan
 

@@ -55,7 +55,7 @@ def test_every_wait_shows_the_machine_on_its_way(bench: Bench) -> None:
     lathe.load(read_program(SHORT))
     seen.clear()
     watched: list[Snapshot] = []
-    lathe.start(3)
+    lathe.start(3, 0.0)
     last = lathe.follow(watched.append, timeout_s=10.0)
     assert seen == watched
     assert seen[-1] is last

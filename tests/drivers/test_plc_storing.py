@@ -166,7 +166,7 @@ def test_a_reset_without_save_keeps_the_plcs_and_permits_what_the_machine_does(c
     reset(card)
     assert card.card.plc_enabled == {1}
     run_for(card, 3)
-    assert values(card, "P1") == [0], "the profile of the machine does not name I5"
+    assert values(card, "P1") == [3], "the profile of the machine permits PLC 1 to 31"
 
 
 def test_the_factory_has_no_plcs(card: Wire) -> None:

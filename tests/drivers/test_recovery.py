@@ -16,6 +16,7 @@ from drivers.pmac.program_text import read_program
 from drivers.snapshot import AxisName
 from drivers.stop import StopPath, StoppedError
 from profiles.problem import Problem
+from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,6 +31,7 @@ class Wire:
     """A link that only writes down which stops are sent."""
 
     address = "wire"
+    reserved_stop = False
 
     def __init__(self) -> None:
         self.urgent: list[bytes] = []
@@ -175,7 +177,7 @@ def test_a_stop_sent_again_asks_for_a_new_proof() -> None:
 def test_after_a_proven_stop_the_machine_works_again(closed: Bench, kill: bool) -> None:
     lathe, stop = closed.lathe, closed.stop
     lathe.load(read_program(SLOW))
-    lathe.start(3)
+    lathe.start(3, 0.0)
     closed.sim.wait(0.5)
     lathe.snapshot()
     (stop.kill if kill else stop.stop)("operator")
@@ -241,7 +243,7 @@ def test_a_program_that_ended_with_an_error_does_not_keep_the_axes_from_jogging(
     """Its error bit stays set until the next program is started."""
     lathe = closed.lathe
     lathe.load(read_program(FAULTY))
-    lathe.start(3)
+    lathe.start(3, 0.0)
     assert refusal(lambda: lathe.follow(lambda snapshot: None, 10.0)).code == "machine.fault"
     lathe.wait_for_rest()
     closed.stop.release()
@@ -261,6 +263,9 @@ def test_switching_off_opens_all_loops_and_is_no_stop(closed: Bench) -> None:
     assert not any(motor.enabled for motor in closed.sim.controller.motors.values()), "a kill, not an abort"
     closed.lathe.wait_for_rest()
     closed.stop.release()
+    assert refusal(closed.lathe.enable).code == "machine.hands_in"
+    assert not any(motor.enabled for motor in closed.sim.controller.motors.values())
+    closed.lathe.hands_clear()
     closed.lathe.enable()
     assert closed.lathe.snapshot().loops_closed
 

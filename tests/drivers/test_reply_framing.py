@@ -8,19 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.framing import FramingError, Reply, take_reply
+from drivers.pmac.framing import FramingError, Reply, ReplyReader, take_reply
+from drivers.pmac.link_faults import FaultKind
 
 TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=12)
 REPLIES = st.builds(
-    lambda lines, error: Reply(lines=tuple(lines), error_number=error),
+    lambda lines, error, messages: Reply(lines=tuple(lines), error_number=error, messages=tuple(messages)),
     st.lists(TEXT, max_size=4),
     st.none() | st.integers(0, 999),
+    st.lists(TEXT, max_size=2),
 )
 
 
 def on_the_wire(reply: Reply) -> bytes:
     """The reply as the table of the handshake prints it, written down a second time."""
-    data = b"".join(line.encode() + b"\r" for line in reply.lines)
+    said = b"".join(b"\x02" + text.encode() + b"\r" for text in reply.messages)
+    data = said + b"".join(line.encode() + b"\r" for line in reply.lines)
     return data + (b"\x06" if reply.error_number is None else b"\x07ERR%03d\r" % reply.error_number)
 
 
@@ -104,3 +107,80 @@ def test_garbage_is_a_reply_or_unfinished_or_a_framing_error_and_nothing_else(st
     assert (reply is None) == (used == 0)
     if reply is not None:
         assert stream[used - 1] in b"\x06\r"
+
+
+@given(replies=st.lists(REPLIES, max_size=5), cuts=st.lists(st.integers(0, 200), max_size=12))
+def test_a_reader_that_is_fed_piece_by_piece_finds_the_same(replies: list[Reply], cuts: list[int]) -> None:
+    stream = b"".join(on_the_wire(reply) for reply in replies)
+    places = sorted({0, len(stream), *(cut for cut in cuts if cut < len(stream))})
+    reader, found = ReplyReader(), []
+    for start, end in pairwise(places):
+        reader.feed(stream[start:end])
+        while (reply := reader.take()) is not None:
+            found.append(reply)
+    assert found == replies
+    assert reader.empty
+
+
+@given(reply=REPLIES, place=st.integers(0, 6), text=TEXT)
+def test_a_message_between_any_two_lines_of_a_reply_is_no_data(reply: Reply, place: int, text: str) -> None:
+    lines = on_the_wire(reply).split(b"\r")
+    place = min(place, len(lines) - 1)
+    wire = b"\r".join([*lines[:place], b"\x02" + text.encode(), *lines[place:]])
+    found, used = take_reply(wire)
+    if reply.error_number is not None and place == len(lines) - 1:
+        assert found == reply, "behind its end it belongs to the next one"
+        return
+    assert found is not None
+    assert (found.lines, found.error_number, used) == (reply.lines, reply.error_number, len(wire))
+    assert sorted(found.messages) == sorted([*reply.messages, text])
+
+
+@pytest.mark.parametrize(
+    ("stream", "kind"),
+    [
+        (b"\0", FaultKind.NUL),
+        (b"25\r\0", FaultKind.NUL),
+        (b"\x07\r", FaultKind.HANDSHAKE),
+        (b"25\r\x74\x06\x81", FaultKind.GARBLED),
+        (b"25\r\x9b", FaultKind.GARBLED),
+        (b"\x18", FaultKind.GARBLED),
+        (b"\x02a\x06", FaultKind.GARBLED),
+    ],
+)
+def test_what_is_no_reply_has_a_kind(stream: bytes, kind: FaultKind) -> None:
+    with pytest.raises(FramingError) as met:
+        take_reply(stream)
+    assert met.value.kind is kind
+
+
+@pytest.mark.parametrize(
+    ("stream", "kind"),
+    [
+        (b"\x07", FaultKind.BARE_BELL),
+        (b"25\r\x07", FaultKind.BARE_BELL),
+        (b"\n", FaultKind.HANDSHAKE),
+        (b"\n25\r\n", FaultKind.HANDSHAKE),
+        (b"", None),
+        (b"25\r", None),
+        (b"2", None),
+        (b"\x07ERR", None),
+        (b"\x02hel", None),
+    ],
+)
+def test_what_would_be_no_reply_if_nothing_more_came(stream: bytes, kind: FaultKind | None) -> None:
+    """I6 = 0 or 2 words an error as a BEL, I3 = 1 ends data with a line feed (Software Reference)."""
+    reader = ReplyReader()
+    reader.feed(stream)
+    assert reader.take() is None
+    assert reader.presumed is kind
+
+
+def test_messages_are_taken_while_nothing_is_asked_and_half_of_one_stays() -> None:
+    reader = ReplyReader()
+    reader.feed(b"\x02one\r\x02two\r\x02thr")
+    assert reader.take_messages() == ("one", "two")
+    assert reader.within_message
+    reader.feed(b"ee\r25\r\x06")
+    assert reader.take() == Reply(lines=("25",), messages=("three",))
+    assert reader.empty

@@ -13,6 +13,7 @@ from drivers.lathe import Lathe
 from drivers.snapshot import AxisName
 from drivers.stop import StoppedError
 from profiles.problem import Problem
+from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench

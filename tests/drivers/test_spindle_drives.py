@@ -177,7 +177,7 @@ def test_a_ripple_swings_the_true_speed_by_its_share(
     """The actual angle, fitted by waves of the mean one: the speed swings by 5 % where it is asked to."""
     if kind == "inverter":
         drive = inverter(slip_rpm=0.0)
-        spindle = Spindle(drive, TURN)
+        spindle = Spindle(drive, TURN, CYCLE_S)
         drive.set_rpm(600.0)
         spindle.coast(round(2.0 / CYCLE_S))
         going = spindle.coast
@@ -217,6 +217,68 @@ def test_a_ripple_comes_and_goes_without_a_jump_and_leaves_nothing(machine: Mach
     assert 0.85 < swing.min() < 0.96
     assert 1.04 < swing.max() < 1.15
     assert track[-100:] == commands[-100:]
+
+
+def settled(spindle: Spindle, there: float, seconds: float) -> np.ndarray:
+    """The way of a spindle that is told to stay at a place."""
+    return np.array(spindle.follow([there] * round(seconds / CYCLE_S)))
+
+
+@pytest.mark.parametrize("kind", ["servo", "ideal"])
+@pytest.mark.parametrize("ripple", [0.05, 0.5])
+def test_a_spindle_that_comes_to_rest_with_a_ripple_stands_where_it_is_told_to(
+    machine: MachineProfile, kind: str, ripple: float
+) -> None:
+    """At a quarter of a swing, where the angle is ahead by ripple / k: 40 counts for 5 % twice a turn.
+
+    It goes back there no faster than the swing itself was, at 100 rpm 16 667 counts a second.
+    """
+    spindle = spindle_of(machine, replace(ideal(machine), ideal_spindle=kind == "ideal"))
+    start = spindle.close_loop()
+    spindle.speed_ripple = ripple
+    speed = 100 / 60 * TURN
+    quarter = 21 * TURN / 8 - spindle.origin
+    up = [start + place for place in ramp(100.0, 1.0)]
+    on = np.arange(up[-1], quarter, speed * CYCLE_S).tolist()
+    swung = np.array(spindle.follow([*up, *on]))
+    assert np.diff(swung)[-2000:].max() == pytest.approx((1 + ripple) * speed * CYCLE_S, rel=0.02)
+    back = settled(spindle, on[-1], 1.5)
+    assert abs(back[200] - on[-1]) > 5
+    assert np.abs(back[-100:] - on[-1]).max() < 1.5
+    assert np.abs(np.diff(back)[200:]).max() < 1.02 * ripple * speed * CYCLE_S
+    spindle.speed_ripple = 0.0
+    assert np.abs(settled(spindle, on[-1], 0.5) - on[-1]).max() < 1.5
+
+
+def test_below_a_few_rpm_there_is_no_ripple(machine: MachineProfile) -> None:
+    spindle = spindle_of(machine, ideal(machine))
+    spindle.close_loop()
+    spindle.speed_ripple = 0.5
+    commands = ramp(2.9, 10.0)
+    assert spindle.follow(commands) == commands
+
+
+def test_another_number_of_swings_a_turn_comes_without_a_jump(machine: MachineProfile) -> None:
+    spindle = spindle_of(machine, ideal(machine))
+    commands = ramp(600.0, 4.0)
+    half = len(commands) // 2
+    spindle.speed_ripple = 0.05
+    track = spindle.follow(commands[:half])
+    spindle.ripple_per_turn = 3
+    for block in range(half, len(commands), 11):
+        track += spindle.follow(commands[block : block + 11])
+    swing = np.diff(track)[half // 2 :] / (600 / 60 * TURN * CYCLE_S)
+    assert np.abs(swing - 1.0).max() < 0.08
+    assert (swing[-2000:].min(), swing[-2000:].max()) == pytest.approx((0.95, 1.05), abs=0.002)
+
+
+def test_a_jammed_spindle_stands_whatever_its_ripple(machine: MachineProfile) -> None:
+    spindle = spindle_of(machine, ideal(machine))
+    commands = ramp(600.0, 2.0)
+    spindle.speed_ripple = 0.05
+    spindle.follow(commands)
+    spindle.jammed = True
+    assert np.ptp(spindle.follow(commands)) == 0.0
 
 
 def test_a_spindle_that_stands_does_not_turn_for_a_ripple(machine: MachineProfile) -> None:

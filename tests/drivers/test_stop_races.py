@@ -13,6 +13,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
 from drivers.stop import StopPath, StoppedError
+from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
@@ -57,7 +58,7 @@ def tampered(bench: Bench, *, enabled: bool = True) -> tuple[Tampered, Lathe, St
     return link, lathe, stop
 
 
-@pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.start(3)])
+@pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.start(3, 0.0)])
 def test_a_stop_that_overtakes_a_line_that_moves_is_sent_again_behind_it(
     bench: Bench, start: Callable[[Lathe], None]
 ) -> None:
@@ -107,7 +108,7 @@ def test_an_older_reply_does_not_turn_a_kill_into_an_abort(bench: Bench) -> None
 def test_a_lost_reply_in_a_cut_costs_one_look_and_nothing_else(bench: Bench) -> None:
     link, lathe, _ = tampered(bench)
     lathe.load(read_program(SPIN.replace("TM20000", "TM1000").replace("1000000", "20000")))
-    lathe.start(3)
+    lathe.start(3, 0.0)
     link.deaf_for = 1
     assert lathe.follow(lambda snapshot: None, timeout_s=20.0).in_position
     assert link.urgent == []
@@ -132,7 +133,7 @@ def test_the_stop_is_repeated_at_five_hertz_while_no_reply_comes(bench: Bench) -
 def test_a_spindle_that_runs_out_after_a_kill_is_proven_at_rest(bench: Bench) -> None:
     _, lathe, stop = tampered(bench)
     lathe.load(read_program(SPIN.replace("1000000", "3333333")))
-    lathe.start(3)
+    lathe.start(3, 0.0)
     bench.sim.wait(5.0)
     stop.kill("operator")
     snapshot = lathe.wait_for_rest()
@@ -147,7 +148,7 @@ def test_a_ramp_that_had_to_become_a_kill_has_the_time_to_run_out(bench: Bench) 
     link, lathe, stop = tampered(bench)
     bench.client.request("I215=0.02")
     lathe.load(read_program(SPIN.replace("1000000", "3333333")))
-    lathe.start(3)
+    lathe.start(3, 0.0)
     bench.sim.wait(5.0)
     lathe.snapshot()
     link.deaf_for = 2

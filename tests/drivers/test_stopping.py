@@ -9,8 +9,10 @@ import pytest
 
 from drivers.errors import LinkError, LinkTimeoutError
 from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Setting
 from drivers.stop import StopPath, StoppedError
 from profiles.problem import Problem
+from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench
@@ -20,6 +22,7 @@ class Wire:
     """A link that only writes down what is sent."""
 
     address = "wire"
+    reserved_stop = False
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
@@ -142,7 +145,8 @@ def test_the_limit_is_in_sixteenths_of_a_count(closed: Bench) -> None:
 
 
 def test_ix25_may_spare_the_other_motors_but_never_closes_an_open_one(closed: Bench) -> None:
-    closed.client.request("I125=$400000 #3K")
+    flags = closed.sim.controller.dialect.index(Setting.FLAG_MODE, 1)
+    closed.client.request(f"I{flags}=$400000 #3K")
     trip(closed)
     enabled = [closed.sim.controller.motors[number].enabled for number in (1, 2, 3)]
     assert enabled == [False, True, False]

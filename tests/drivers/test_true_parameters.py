@@ -197,7 +197,7 @@ def test_a_realistic_lathe_makes_a_part(
     bench.lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     bench.lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
     bench.lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    bench.lathe.start(plan.program.number)
+    bench.lathe.start(plan.program.number, plan.setup.retracted)
     bench.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
     assert bench.sim.collisions == ()
     trace = bench.sim.measure()

@@ -50,7 +50,7 @@ def cut(bench: Bench, job: Job, machine: MachineProfile) -> None:
     bench.lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     bench.lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
     bench.lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    bench.lathe.start(plan.program.number)
+    bench.lathe.start(plan.program.number, plan.setup.retracted)
     bench.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
 
 
@@ -182,7 +182,9 @@ def test_a_lathe_set_up_by_hand_is_off_in_chuck_angle_and_tool_tip_and_its_spind
     for seed in range(300):
         true = as_mounted(machine, Random(seed))
         assert true.jaw_1_deg is not None
-        assert replace(true, jaw_1_deg=None, home_radius_mm=nominal.home_radius_mm) == nominal
+        assert None not in (true.tool_ends_mm, true.carriage_ends_mm)
+        found = replace(true, jaw_1_deg=None, home_radius_mm=nominal.home_radius_mm)
+        assert replace(found, tool_ends_mm=None, carriage_ends_mm=None) == nominal
         angles.append(true.jaw_1_deg)
         tips.append(true.home_radius_mm - nominal.home_radius_mm)
     assert 0 <= min(angles) < 10

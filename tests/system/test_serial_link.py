@@ -98,16 +98,7 @@ def test_the_line_is_set_up_as_the_address_says(far_end: FarEnd) -> None:
     assert not cflag & (termios.PARENB | termios.CSTOPB | termios.CRTSCTS)
     assert not iflag & (termios.IXON | termios.IXOFF | termios.ICRNL)
     assert not lflag & (termios.ICANON | termios.ECHO | termios.ISIG)
-    assert link.address == f"serial:{far_end.device}:9600"
-
-
-def test_a_line_in_use_is_refused(link: SerialLink, far_end: FarEnd) -> None:
-    with pytest.raises(LinkError) as refused:
-        SerialLink(SerialAddress(device=far_end.device))
-    (problem,) = refused.value.problems
-    assert (problem.code, problem.value) == ("link.no_device", "Device or resource busy")
-    link.close()
-    SerialLink(SerialAddress(device=far_end.device)).close()
+    assert link.address == f"serial:{far_end.device}?baud=9600"
 
 
 def test_receiving_waits_no_longer_than_it_was_told(link: SerialLink) -> None:
@@ -119,7 +110,7 @@ def test_receiving_waits_no_longer_than_it_was_told(link: SerialLink) -> None:
 
 def test_the_client_speaks_over_it(link: SerialLink, far_end: FarEnd) -> None:
     def controller() -> None:
-        far_end.read(3)
+        far_end.read(6)
         os.write(far_end.line, b"25\r5")
         os.write(far_end.line, b"0\r\x06")
         far_end.read(3)
@@ -128,7 +119,7 @@ def test_the_client_speaks_over_it(link: SerialLink, far_end: FarEnd) -> None:
     answering = threading.Thread(target=controller)
     answering.start()
     client = PmacClient(link, RealClock())
-    assert client.request("P1") == ("25", "50")
+    assert client.request("P1..2") == ("25", "50")
     with pytest.raises(ControllerError) as refused:
         client.request("UU")
     answering.join(5)
@@ -185,8 +176,10 @@ def test_a_stop_does_not_wait_for_a_send_that_is_stuck(link: SerialLink, far_end
     """Another thread is in the middle of a line that nobody takes; then the peer reads a little again."""
     fill(link)
     failures: list[LinkError] = []
+    begun = threading.Event()
 
     def send_much() -> None:
+        begun.set()
         try:
             link.send(b"I130=528\r" * 10_000)
         except LinkError as error:
@@ -194,8 +187,7 @@ def test_a_stop_does_not_wait_for_a_send_that_is_stuck(link: SerialLink, far_end
 
     sender = threading.Thread(target=send_much)
     sender.start()
-    while not link._sending.locked():
-        time.sleep(0.001)
+    assert begun.wait(5.0)
     began = time.monotonic()
     StopPath(link).stop("operator")
     assert time.monotonic() - began < 0.5
@@ -243,6 +235,28 @@ def test_a_stop_lands_between_the_lines_that_another_thread_sends(link: SerialLi
     for thread in threads:
         thread.join(20)
     assert set(bytes(received).replace(b"\x0b", b"").split(b"\r")) <= {b"I130=528", b""}
+
+
+def test_at_9600_baud_no_more_is_ahead_of_a_stop_than_goes_in_20_ms(far_end: FarEnd) -> None:
+    """960 characters a second. Nobody reads meanwhile, and the pseudo-terminal takes all that it is given.
+
+    What was handed over by the time of the stop is what could have left by then, and what is ahead of it.
+    """
+    link = SerialLink(SerialAddress(device=far_end.device, baud_rate=9600))
+    text = b"P1..200=42 " * 20
+    began = time.monotonic()
+    sender = threading.Thread(target=link.send, args=(text,))
+    sender.start()
+    threading.Event().wait(0.06)
+    link.send_urgent(b"\x0b")
+    elapsed_s = time.monotonic() - began
+    sender.join(20)
+    data = far_end.read(len(text) + 1)
+    assert data.replace(b"\x0b", b"") == text
+    handed_over = data.index(b"\x0b") + 1
+    assert handed_over <= (elapsed_s + 0.020) * 960.0
+    assert handed_over < len(text)
+    link.close()
 
 
 def test_another_program_may_not_open_the_device_either(link: SerialLink, far_end: FarEnd) -> None:

@@ -168,7 +168,21 @@ def test_a_board_is_silent_while_it_hangs_and_answers_afterwards(served: Served)
         assert time.monotonic() - before > 0.25
 
 
+def test_a_serial_line_has_a_name_that_nobody_else_can_get(served: Served) -> None:
+    device = Path(served.device)
+    assert stat.S_IMODE(device.parent.stat().st_mode) == 0o700
+    assert re.fullmatch(r"/dev/pts/\d+", str(device.readlink()))
+
+
 def test_a_serial_line_hangs_up_and_comes_back_where_it_was(served: Served) -> None:
+    """Also while a host that has not let go keeps the old pseudo-terminal."""
+    held = os.open(served.device, os.O_RDWR | os.O_NOCTTY)
+    tell(served, "inject cut-cable for=0.1")
+    wait_until(lambda: not os.path.exists(served.device))
+    wait_until(lambda: os.path.exists(served.device))
+    with client_over_pty(served.device) as client:
+        assert client.query("#") == ("1",)
+    os.close(held)
     with client_over_pty(served.device) as client:
         client.request("P3=7")
         tell(served, "inject cut-cable for=0.2")
@@ -220,6 +234,33 @@ def test_a_socket_that_a_dead_simulator_left_is_taken_over_and_a_file_is_not(ser
     assert path.read_text() == "mine"
 
 
+def test_the_line_of_the_console_comes_back_where_it_was() -> None:
+    simulator = SimulatorProcess.start(MACHINE, seed=1)
+    device = simulator.address.device
+    try:
+        with client_over_pty(device) as client:
+            simulator.fault("inject cut-cable for=0.2")
+            with pytest.raises(LinkError) as lost:
+                while True:
+                    client.numbers("P3")
+            assert lost.value.problems[0].code == "link.lost"
+            wait_until(lambda: os.path.exists(device))
+            with client_over_pty(device) as again:
+                assert again.numbers("P3") == (0,)
+    finally:
+        simulator.close()
+    assert not Path(device).parent.exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_simulator_that_has_died_leaves_no_name(number: int) -> None:
+    """A name that led to nothing could lead to the line of somebody else tomorrow."""
+    simulator = SimulatorProcess.start(MACHINE, seed=1)
+    os.kill(simulator._child._process.pid, number)
+    simulator.close()
+    assert not Path(simulator.address.device).parent.exists()
+
+
 def test_the_simulator_of_the_console_has_faults_over_its_channel() -> None:
     simulator = SimulatorProcess.start(MACHINE, seed=1)
     try:
@@ -233,5 +274,10 @@ def test_the_simulator_of_the_console_has_faults_over_its_channel() -> None:
             simulator.fault("inject lightning")
         assert refused.value.problems[0].code == "simulator.refused"
         assert "split-segments" in refused.value.problems[0].value
+        with pytest.raises(LinkError) as too_long:
+            simulator.fault("inject stranger-writes line=" + "P" * 100_000)
+        assert too_long.value.problems[0].code == "simulator.refused"
+        assert "4096 bytes" in too_long.value.problems[0].value
+        assert simulator.fault("active") == "ok\n"
     finally:
         simulator.close()

@@ -12,9 +12,12 @@ from rich.cells import cell_len
 
 from console.session.alignment import Alignment
 from console.session.state import Activity, StationState, StopState
+from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.pages.align import AlignPage
+from console.tui.pages.jog_lines import jaw_words
 from drivers.simulator.shop_view import ShopView
+from profiles.store import load_machine
 from tests.tui.align_stage import (
     IN_PART,
     NEAR,
@@ -28,7 +31,7 @@ from tests.tui.align_stage import (
     words_of,
 )
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, desk_for, experiment
 
 STOPPING = StopState(reason="space", killed=False, sent_s=99.9)
 
@@ -245,3 +248,26 @@ def test_showing_the_same_again_paints_nothing() -> None:
             return painted
 
     assert asyncio.run(run()) == 0
+
+
+@pytest.mark.parametrize(
+    ("past_deg", "counts_per_rev", "said"),
+    [
+        (0.0, 10_000, "jaw 1 is at the mark"),
+        (0.02, 10_000, "jaw 1 is at the mark"),
+        (-0.02, 10_000, "jaw 1 is at the mark"),
+        (0.03, 10_000, "0.03°"),
+        (-0.03, 10_000, "0.03°"),
+        (0.01, 1_000_000, "0.01°"),
+        (0.09, 2_000, "jaw 1 is at the mark"),
+        (0.10, 2_000, "0.10°"),
+    ],
+)
+def test_jaw_1_is_at_the_mark_where_no_whole_count_is_nearer(
+    past_deg: float, counts_per_rev: int, said: str
+) -> None:
+    """Half a count is 0.018 deg with 10000 counts a turn, 0.09 with 2000; what is seen is rounded to 0.01."""
+    machine = load_machine(MACHINE).machine
+    spindle = replace(machine.spindle, encoder_lines_per_rev=counts_per_rev // 4, counts_per_line=4)
+    seen = ShopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=None)
+    assert said in jaw_words(load("en"), seen, replace(machine, spindle=spindle))

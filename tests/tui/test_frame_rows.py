@@ -8,6 +8,7 @@ from datetime import datetime
 import pytest
 
 from console.session.alarms import Priority, acknowledged, raised
+from console.session.collisions import collision_problems
 from console.session.state import Activity, StationState, StopState
 from console.text.catalogue import load
 from console.tui.app import ROWS
@@ -16,6 +17,7 @@ from console.tui.gate import FieldKind
 from console.tui.help import LISTS, help_lines
 from console.tui.keymap import PageName, actions_of
 from console.tui.lines import line, plain, width_of
+from drivers.simulator.plant.collision import CollisionKind
 from drivers.snapshot import AxisState, Snapshot
 from profiles.problem import Problem
 from profiles.store import load_machine
@@ -124,3 +126,17 @@ def test_the_help_names_every_key_and_fits_a_page(language: str) -> None:
             assert all(width_of(row) <= 78 for row in rows), page
             assert len(rows) <= 18, (page, number)
         assert all(a.shown in plain(help_lines(load(language), page, 1, 78)) for a in actions_of(page))
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("width", [80, 160])
+@pytest.mark.parametrize("kind", CollisionKind)
+def test_what_the_tool_ran_into_is_said_in_full(kind: CollisionKind, width: int, language: str) -> None:
+    """As one of three alarms: what to press stands beside it."""
+    (problem,) = collision_problems((kind,))
+    alarms = raised(ALARM.alarms, Problem(code="link.lost"), Priority.HIGH, 2.0)
+    alarms = raised(acknowledged(alarms), problem, Priority.HIGH, 3.0)
+    row = alarm_row(frame(replace(READY, alarms=alarms), language), width)
+    assert width_of(row) == width
+    assert f"!!! {load(language).problem(problem)} " in plain([row])
+    assert load(language)("frame.acknowledge", count=3) in plain([row])

@@ -252,7 +252,7 @@ def test_c_steps_through_the_strategies() -> None:
 
     async def play(pilot: Pilot[None]) -> list[str]:
         chosen = []
-        for _ in range(3):
+        for _ in range(5):
             page.act("preview.strategy")
             await pilot.pause()
             assert page.desk.work is not None
@@ -265,7 +265,7 @@ def test_c_steps_through_the_strategies() -> None:
             await pilot.pause()
             return await play(pilot)
 
-    assert asyncio.run(run()) == ["paper: paper", "none: none", "pvt: pvt"]
+    assert asyncio.run(run()) == ["cam: cam", "timebase: timebase", "paper: paper", "none: none", "pvt: pvt"]
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -18,6 +18,9 @@ from profiles.machine import MachineProfile
 
 _RUNG_WIDTH = 7
 
+_SEEN_TO_DEG = 0.01
+"""What is seen of jaw 1 is rounded to this."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogView:
@@ -113,13 +116,13 @@ def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     mark: Piece = ("SIM", Token.SIM)
     if seen is None:
         return [line(mark, dim(" " + text("align_page.not_seen"))), BLANK]
-    return [line(mark, " " + jaw_words(text, seen)), line(mark, " " + gap_words(text, seen))]
+    return [line(mark, " " + jaw_words(text, seen, jog.machine)), line(mark, " " + gap_words(text, seen))]
 
 
-def jaw_words(text: Catalogue, seen: ShopView) -> str:
-    """Return where jaw 1 stands to the mark."""
+def jaw_words(text: Catalogue, seen: ShopView, machine: MachineProfile) -> str:
+    """Return where jaw 1 stands to the mark. A spindle goes to whole counts: within half a count it is there."""
     past = seen.jaw_1_past_mark_deg
-    if abs(past) < 0.005:
+    if abs(past) < 180.0 / machine.spindle.counts_per_rev + _SEEN_TO_DEG / 2.0:
         return text("align_page.at_mark")
     if past > 0:
         return text("align_page.past_mark", angle=f"{past:.2f}°")

@@ -168,7 +168,7 @@ def _left_on_part(seen: Preview, strategy: Strategy, chosen: Strategy, text: Cat
     mine = strategy is chosen
     left = line(
         ("▸ " if mine else "  ", Token.ACTION),
-        (f"{strategy.value:<6}", Token.STRONG if mine else Token.TEXT),
+        (f"{strategy.value:<9}", Token.STRONG if mine else Token.TEXT),
         dim(text(f"preview_page.how.{strategy}")),
     )
     if prediction is None or refused(seen, strategy):

@@ -57,6 +57,18 @@ def scale_factor(real_time_counts_per_ms: float | Fraction) -> int:
     )
 
 
+def nearest_factor(counts_per_ms: float) -> int:
+    """Return the whole scale factor whose real-time input frequency is nearest to a frequency, counts/ms."""
+    wanted = _SCALE / counts_per_ms
+    below = min(max(1, int(wanted)), WIDEST_UNITS - 1)
+    return min((below, below + 1), key=lambda factor: abs(_SCALE / factor - counts_per_ms))
+
+
+def real_time_counts_per_ms(factor: int) -> Fraction:
+    """Return the frequency at which programmed times are true."""
+    return Fraction(_SCALE, factor)
+
+
 def percent(factor: int, counts_per_ms: float) -> float:
     """Return the time base as `%` reports it, for a master of this speed."""
     return 100.0 * factor * counts_per_ms / _SCALE

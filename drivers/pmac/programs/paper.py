@@ -85,6 +85,7 @@ def paper_program(job: Job, machine: MachineProfile, setup: CutSetup, ts_ms: int
         "slow": RUN_UP_MS,
         "slow_ts": RUN_UP_MS // 4,
         "flag": HOLD_FLAG,
+        "go_on": setup.go_on,
         "program": PROGRAM_NUMBER,
     }
     return _TEXT.format(**values)
@@ -122,7 +123,7 @@ X{depth} ; depth of cut, clear of the part
 DWELL0 ; ours: the run-up begins from rest
 TA{slow} TS{slow_ts} TM(P621) Y(P620) ; ours: run-up
 TA{ta} TS{ts} ; ours: back to the times of the cut
-WHILE(P630<P640 OR {flag}=0 AND P630<P610) ; ours: the count of moves
+WHILE(P630<P640 OR {go_on} AND P630<P610) ; ours: the count of moves
 IF(P630=P640) P640=P640+{segments_a_turn} ; ours
 P630=P630+2 ; ours
 P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(P500) Z(P600) ; Z is ours

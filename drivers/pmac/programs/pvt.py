@@ -17,6 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.lobe_path import LOBE_PATH, SPINDLE_STEP
 from drivers.pmac.programs.setup import HOLD_FLAG, CutSetup, refuse_endless
 from profiles.compensation import Sinusoid
 from profiles.job import Job
@@ -130,41 +131,55 @@ def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
     turns_per_ms = job.spindle_speed_rpm / 60_000.0
     spindle = turns_per_ms * setup.counts_per_turn  # counts/ms
     before_ms = HALF_RUN_UP_MS + timing.approach_ms
-    start_turns = (setup.spindle_start + spindle * before_ms) / setup.counts_per_turn
-    amplitude = command.amplitude_um / setup.tool_count_um
-    scales = point_scales(_step_rad(job.lobe_frequency_hz, timing.segment_ms))
-    lobe_deg = 360.0 * command.lobes
     number = format_number
     values = {
-        "job": job.name,
+        **path_values(job, setup, command, timing, setup.spindle_start + spindle * before_ms),
+        "y": SPINDLE_STEP,
         "rpm": number(job.spindle_speed_rpm),
+        "spindle_step": number(spindle * timing.segment_ms),
+        "spindle_speed": number(1000.0 * spindle),
+        "spindle_start": number(setup.spindle_start),
+        "before": number(spindle * before_ms),
+        "half": HALF_RUN_UP_MS,
+        "program": PROGRAM_NUMBER,
+    }
+    return (_TEXT + LOBE_PATH + _RUN_DOWN).format(**values)
+
+
+def path_values(
+    job: Job, setup: CutSetup, command: Sinusoid, timing: PvtTiming, first_spindle: float
+) -> dict[str, object]:
+    """Return what the lines of `LOBE_PATH` are filled with; the spindle is at `first_spindle` where they begin."""
+    turns_per_ms = job.spindle_speed_rpm / 60_000.0
+    first_turns = first_spindle / setup.counts_per_turn
+    amplitude = command.amplitude_um / setup.tool_count_um
+    scales = point_scales(_step_rad(job.lobe_frequency_hz, timing.segment_ms))
+    error_um = interpolation_error_um(command.amplitude_um, job.lobe_frequency_hz, timing.segment_ms)
+    lobe_deg = 360.0 * command.lobes
+    number = format_number
+    return {
+        "job": job.name,
         "hz": number(job.lobe_frequency_hz),
-        "error": f"{interpolation_error_um(command.amplitude_um, job.lobe_frequency_hz, timing.segment_ms):.4f}",
+        "error": f"{error_um:.4f}",
         "mean": number(setup.surface + command.mean_um / setup.tool_count_um),
         "amplitude": number(amplitude * scales.position),
         "step_deg": number(lobe_deg * turns_per_ms * timing.segment_ms),
-        "start_deg": number(math.fmod(lobe_deg * start_turns - command.lobes * command.crest_deg, 360.0)),
+        "start_deg": number(math.fmod(lobe_deg * first_turns - command.lobes * command.crest_deg, 360.0)),
         "slope": number(amplitude * scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
-        "spindle_step": number(spindle * timing.segment_ms),
-        "spindle_speed": number(1000.0 * spindle),
         "feed_step": number(setup.carriage_per_turn * turns_per_ms * timing.segment_ms),
         "feed_speed": number(1000.0 * setup.carriage_per_turn * turns_per_ms),
         "out": number(setup.retracted),
         "z": number(setup.carriage_start),
-        "spindle_start": number(setup.spindle_start),
         "ramp": timing.ramp_segments,
         "turns": setup.whole_turns,
         "turn": number(timing.turn_segments),
         "out_segments": timing.retract_segments,
         "out_ms": timing.retract_segments * timing.segment_ms,
-        "before": number(spindle * before_ms),
-        "half": HALF_RUN_UP_MS,
         "approach": timing.approach_ms,
         "segment": timing.segment_ms,
         "flag": HOLD_FLAG,
-        "program": PROGRAM_NUMBER,
+        "go_on": setup.go_on,
     }
-    return _TEXT.format(**values)
 
 
 _TEXT = """\
@@ -196,39 +211,9 @@ X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
 X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
 PVT{approach} ; the tool goes to its mean depth, clear of the part
 X(P11):0 Y(P28):(P17) Z(P21):0
-PVT{segment} ; the amplitude grows
-P25=0
-WHILE(P25<P24)
-P25=P25+1
-P26=P25/P24
-P27=P14+P13*P25
-X(P11+P12*P26*COS(P27)):(-P15*P26*SIN(P27)) Y(P28+P16*P25):(P17) Z(P21):0
-ENDWHILE
-P30=0 ; turns begun
-P31=P25 ; the segment in which the present turn ends
-WHILE(P25<P31 OR {flag}=0 AND P30<P23)
-IF(P25!<P31)
-P30=P30+1
-P31=P24-0.5+P30*P32
-ENDIF
-P25=P25+1
-P27=P14+P13*P25
-X(P11+P12*COS(P27)):(-P15*SIN(P27)) Y(P28+P16*P25):(P17) Z(P21+P18*(P25-P24)):(P19)
-ENDWHILE
-P29=P21+P18*(P25-P24) ; carriage at the end of the cut
-P33=0
-IF(P30>0) P33=P19
-P34={out_segments} ; the tool goes out, the carriage comes to rest
-WHILE(P34>0)
-P34=P34-1
-P25=P25+1
-P27=P14+P13*P25
-P35=P34/{out_segments} ; from 1 to 0
-P36=P35*P35*(3-2*P35) ; what is left of the path
-P37=P11+P12*COS(P27)-P20
-P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
-X(P20+P37*P36):(P38) Y(P28+P16*P25):(P17) Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
-ENDWHILE
+"""
+
+_RUN_DOWN = """\
 P30=P28+P16*P25
 P29=P29+P33*{out_ms}/3000
 PVT{half} ; the spindle runs down

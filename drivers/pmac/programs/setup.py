@@ -18,6 +18,9 @@ MOST_MOVES = 100_000
 HOLD_FLAG = "M26"
 """What a host sets to 1 to end a cut before its time, at the end of a turn; every program looks at it."""
 
+SERVO = "servo"
+"""A spindle whose loop the card closes; any other is only followed."""
+
 ROUNDING_TURNS = 1e-6
 """A cut that needs so much more than whole turns does not need one more."""
 
@@ -29,6 +32,8 @@ class CutSetup:
     `surface` is the tool position (counts) at which the tip touches the blank; the axis of the tool counts
     towards the work. `carriage_start` is clear of the part, `carriage_counts` the way from there to the end of
     the cut. `spindle_start` is where the spindle stands when the program begins, in counts from its index.
+    `lease` is a condition of the controller's language that has to hold for the cut to go on, such as that a timer
+    of a host has not run out; empty is without.
     """
 
     surface: float
@@ -40,6 +45,12 @@ class CutSetup:
     spindle_start: float
     counts_per_turn: int
     tool_count_um: float
+    lease: str = ""
+
+    @property
+    def go_on(self) -> str:
+        """What a program looks at before each turn: nobody holds the cut, and the lease has not run out."""
+        return f"{HOLD_FLAG}=0" + (f" AND {self.lease}" if self.lease else "")
 
     @property
     def turns(self) -> float:
@@ -52,7 +63,7 @@ class CutSetup:
         return math.ceil(self.turns - ROUNDING_TURNS)
 
 
-def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0) -> CutSetup:
+def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0, lease: str = "") -> CutSetup:
     """Place a job on a machine by the machine's own geometry: tool radius at home, jaw faces, overhang."""
     tool, carriage = machine.tool, machine.carriage
     surface = (tool.home_radius_mm - job.radius_mm) * tool.counts_per_mm
@@ -68,6 +79,7 @@ def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0) -> 
         spindle_start=spindle_start,
         counts_per_turn=machine.spindle.counts_per_rev,
         tool_count_um=tool.count_um,
+        lease=lease,
     )
 
 

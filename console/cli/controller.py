@@ -1,0 +1,169 @@
+"""`console controller`: back up, verify and compare what a controller is set to; apply gains, when asked."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from pathlib import Path
+
+from console.cli.card_access import Card, opened_card
+from console.cli.check_lines import check_fields, check_lines, summary
+from console.cli.library import data_of
+from console.cli.output import print_json
+from console.text.catalogue import Catalogue
+from drivers.errors import RefusedError
+from drivers.pmac.configuration.applying import apply, refuse_unready
+from drivers.pmac.configuration.backup_reading import CAP_BYTES, read_backup
+from drivers.pmac.configuration.backup_text import backup_text
+from drivers.pmac.configuration.check import Outcome, worst
+from drivers.pmac.configuration.comparison import differences
+from drivers.pmac.configuration.configuration import Configuration
+from drivers.pmac.configuration.gains import Write, gain_writes
+from drivers.pmac.configuration.judged import Judged
+from drivers.pmac.configuration.reading import read_configuration, whole_card
+from drivers.pmac.configuration.verification import in_order, read_of_machine, verify
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.problem import Problem, ProfileError
+
+BACKUP_FOLDER = "backups"
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Do what is asked for; 1 when something fails or differs."""
+    with opened_card(options) as card:
+        return ACTIONS[options.action](options, card, text)
+
+
+def head(card: Card, text: Catalogue) -> str:
+    """Return the line that says which controller this is."""
+    mark = f"{text('sim')}  " if card.simulated else ""
+    said = text("card.head", machine=card.machine.name, address=card.address, kind=card.kind, version=card.version)
+    return mark + said
+
+
+def identity(card: Card) -> dict[str, object]:
+    """Return which controller this is, for JSON."""
+    return {
+        "machine": card.machine.name,
+        "address": card.address,
+        "simulated": card.simulated,
+        "type": card.kind,
+        "version": card.version,
+    }
+
+
+def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
+    configuration = _written(card, Path(options.file))
+    counts = {
+        "settings": len(configuration.settings),
+        "axes": len(configuration.axes),
+        "plcs": len(configuration.plcs),
+        "programs": len(configuration.programs),
+    }
+    if options.json:
+        print_json({**identity(card), "file": options.file, **counts, "fingerprint": configuration.fingerprint})
+        return 0
+    shown = {**counts, "count": counts["settings"], "file": printable(options.file)}
+    print(head(card, text))
+    print(text("card.backup_done", **shown))
+    return 0
+
+
+def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
+    checks = verify(card.client, card.machine, card.dialect).checks
+    told = checks if options.json else tuple(c for c in checks if c.outcome is not Outcome.HOLDS)
+    if options.json:
+        print_json({**identity(card), "checks": check_fields(told, text)})
+    else:
+        print("\n".join([head(card, text), *check_lines(told, text), "", summary(checks, text)]))
+    return 1 if worst(checks) is Outcome.FAILS else 0
+
+
+def _diff(options: Namespace, card: Card, text: Catalogue) -> int:
+    path = Path(options.file)
+    content = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8", "replace")
+    backup = read_backup(content, printable(options.file))
+    if backup.configuration.family != card.dialect.name:
+        found, here = backup.configuration.family, card.dialect.name
+        where = printable(options.file)
+        raise RefusedError(Problem(code="controller.backup_family", where=where, value=found, limit=here))
+    now = read_configuration(card.client, card.dialect, whole_card(card.dialect))
+    checks = in_order(differences(backup.configuration, now, card.machine))
+    if options.json:
+        print_json({**identity(card), "date": backup.date, "differences": check_fields(checks, text)})
+        return 1 if checks else 0
+    said = (
+        text("card.differs_from", count=len(checks), date=backup.date)
+        if checks
+        else text("card.no_difference", date=backup.date)
+    )
+    print("\n".join([head(card, text), said, *check_lines(checks, text)]))
+    return 1 if checks else 0
+
+
+def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
+    judged = Judged(configuration=read_of_machine(card.client, card.machine, card.dialect), machine=card.machine)
+    writes = gain_writes(judged)
+    backup = _backup_path(options, card) if writes and options.yes else None
+    if backup is not None:
+        refuse_unready(card.client, card.dialect)
+        _make_folder(backup.parent)
+        _written(card, backup)
+        apply(card.client, card.dialect, writes)
+    if options.json:
+        lines = [{"line": write.line, "found": write.found} for write in writes]
+        file = None if backup is None else str(backup)
+        print_json({**identity(card), "lines": lines, "applied": backup is not None, "backup": file})
+    else:
+        print("\n".join([head(card, text), *_applied(writes, backup, text)]))
+    return 0
+
+
+def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) -> list[str]:
+    if not writes:
+        return [text("card.nothing_to_apply")]
+    lines = [f"  {text('card.line', line=write.line, found=write.found)}" for write in writes]
+    if backup is None:
+        return [text("card.dry_run"), *lines]
+    first = text("card.backup_first", file=printable(str(backup)))
+    return [first, *lines, text("card.applied", count=len(writes))]
+
+
+def _backup_path(options: Namespace, card: Card) -> Path:
+    stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+    return data_of(options) / BACKUP_FOLDER / f"{card.machine.name}-{stamp}.pmac"
+
+
+def _make_folder(folder: Path) -> None:
+    """Make the folder of the backups.
+
+    Raises:
+        ProfileError: `file.not_writable`.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        where, value = printable(str(folder)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+
+
+def _written(card: Card, path: Path) -> Configuration:
+    """Read the whole controller and write it down; an existing file stays as it is.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`.
+        DriverError: the controller cannot be read.
+    """
+    configuration = read_configuration(card.client, card.dialect, whole_card(card.dialect))
+    date = datetime.now().astimezone().isoformat(timespec="seconds")
+    write_atomically(path, backup_text(configuration, date).encode("utf-8"), overwrite=False)
+    return configuration
+
+
+ACTIONS: Mapping[str, Callable[[Namespace, Card, Catalogue], int]] = {
+    "backup": _backup,
+    "verify": _verify,
+    "diff": _diff,
+    "apply": _apply,
+}

@@ -1,0 +1,143 @@
+"""What is said of a planned cut before it is made: codes `cut.*`; refusals stop it, warnings are told."""
+
+from __future__ import annotations
+
+import math
+
+from drivers.cutting.steady import stroke
+from drivers.pmac.check import CheckedMove, CheckedProgram
+from drivers.pmac.programs.setup import SERVO
+from drivers.pmac.settings import PARTS_PER_COUNT
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.rules import Finding, Severity
+from profiles.servo import following_error_um
+
+LEAST_TURNS = 3.0
+LEAST_CUT_S = 0.2
+"""The shortest cut: so many turns, and so long, for the looks at the machine during it."""
+
+
+def cut_findings(
+    loop: tuple[CheckedMove, ...],
+    checked: CheckedProgram,
+    machine: MachineProfile,
+    job: Job,
+    speed_rpm: float,
+) -> tuple[Finding, ...]:
+    """Return everything that is to be said; `loop` are the moves of the steady cut."""
+    return (
+        *_path_findings(loop, checked, machine, job, speed_rpm),
+        *_limit_findings(checked, machine),
+        *_jaw_findings(checked, machine),
+        *_servo_findings(loop, checked, machine, job, speed_rpm),
+        *_length_findings(job),
+    )
+
+
+def clock_findings(machine: MachineProfile) -> tuple[Finding, ...]:
+    """Return what makes a program begin behind the index that it waits for: I11 passes on its own time base."""
+    delay_ms = machine.controller.variables.get("I11", 0.0)
+    return (_refusal("cut.clock_late", "I11", f"{delay_ms:g} ms", "= 0 ms"),) if delay_ms else ()
+
+
+def _path_findings(
+    loop: tuple[CheckedMove, ...],
+    checked: CheckedProgram,
+    machine: MachineProfile,
+    job: Job,
+    speed_rpm: float,
+) -> list[Finding]:
+    """Stretched segments, the speed that they leave, and the stroke that blending eats."""
+    findings = []
+    asked, used = loop[-1].record.asked.tm_ms, loop[-1].used.tm_ms
+    if used > asked * (1.0 + 1e-9):
+        findings.append(_warning("cut.segment_stretched", "TM", f"{used:g} ms", f"{asked:g} ms"))
+    if not math.isclose(speed_rpm, job.spindle_speed_rpm, rel_tol=1e-6):
+        findings.append(
+            _warning(
+                "cut.speed_differs",
+                "spindle_speed_rpm",
+                f"{speed_rpm:.6g} rpm",
+                f"{job.spindle_speed_rpm:g} rpm",
+            )
+        )
+    index = checked.motors.index(machine.tool.motor)
+    targets = [move.record.target[index] for move in loop]
+    low, high = stroke(loop, checked, machine)
+    asked_um = (max(targets) - min(targets)) * machine.tool.count_um
+    kept_um = (high - low) * machine.tool.count_um
+    if asked_um > 0.0 and kept_um < 0.98 * asked_um:
+        kept = f"{kept_um:.2f} um ({100.0 * kept_um / asked_um:.1f} %)"
+        findings.append(_warning("cut.stroke_lost", "stroke", kept, f"{asked_um:.2f} um"))
+    return findings
+
+
+def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Finding]:
+    """Program velocities above Ix16 (which does not guard PVT) and targets beyond the software limits."""
+    variables = machine.controller.variables
+    findings = []
+    for motor in checked.motors:
+        if motor == machine.spindle.motor and machine.spindle.drive != SERVO:
+            continue
+        fastest = variables[f"I{motor}16"]
+        if checked.peak_velocity[motor] > fastest * (1.0 + 1e-9):
+            value = f"{checked.peak_velocity[motor]:.4g} counts/ms"
+            findings.append(_refusal("cut.too_fast", f"I{motor}16", value, f"<= {fastest:g} counts/ms"))
+        high, low = variables[f"I{motor}13"], variables[f"I{motor}14"]
+        if high and checked.highest[motor] > high:
+            value = f"{checked.highest[motor]:.0f} counts"
+            findings.append(_refusal("cut.beyond_travel", f"I{motor}13", value, f"<= {high:g} counts"))
+        if low and checked.lowest[motor] < low:
+            value = f"{checked.lowest[motor]:.0f} counts"
+            findings.append(_refusal("cut.beyond_travel", f"I{motor}14", value, f">= {low:g} counts"))
+    return findings
+
+
+def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Finding]:
+    """The carriage runs on while the tool goes out; even so it must stay clear of the jaws."""
+    carriage = machine.carriage
+    furthest_mm = checked.highest[carriage.motor] / carriage.counts_per_mm + 0.5 * machine.tool.wiper_land_mm
+    allowed_mm = carriage.jaw_face_mm - carriage.jaw_clearance_mm
+    if furthest_mm <= allowed_mm:
+        return []
+    return [_refusal("cut.near_jaws", "cut_length_mm", f"{furthest_mm:.2f} mm", f"<= {allowed_mm:g} mm")]
+
+
+def _servo_findings(
+    loop: tuple[CheckedMove, ...],
+    checked: CheckedProgram,
+    machine: MachineProfile,
+    job: Job,
+    speed_rpm: float,
+) -> list[Finding]:
+    """A path whose lag alone would trip the following-error limit must not be started.
+
+    Whatever its shape, the path is taken as a sine of its own stroke at the lobe frequency.
+    """
+    low, high = stroke(loop, checked, machine)
+    amplitude_um = 0.5 * (high - low) * machine.tool.count_um
+    error_um = following_error_um(machine, amplitude_um, job.jaws * speed_rpm / 60.0)
+    key = f"I{machine.tool.motor}11"
+    limit_um = machine.controller.variables[key] / PARTS_PER_COUNT * machine.tool.count_um
+    if error_um < limit_um:
+        return []
+    return [_refusal("cut.following_error", key, f"{error_um:.1f} um", f"< {limit_um:g} um")]
+
+
+def _length_findings(job: Job) -> list[Finding]:
+    """A cut must last for some looks at the machine, or nobody can say how it went."""
+    turns = max(LEAST_TURNS, 1.0 + LEAST_CUT_S * job.spindle_speed_rpm / 60.0)
+    least_mm = turns * job.feed_mm_per_rev
+    if job.cut_length_mm >= least_mm:
+        return []
+    return [_refusal("cut.too_short", "cut_length_mm", f"{job.cut_length_mm:g} mm", f">= {least_mm:.3g} mm")]
+
+
+def _warning(code: str, key: str, value: str, limit: str) -> Finding:
+    return Finding(severity=Severity.WARNING, problem=Problem(code=code, key=key, value=value, limit=limit))
+
+
+def _refusal(code: str, key: str, value: str, limit: str) -> Finding:
+    return Finding(severity=Severity.REFUSAL, problem=Problem(code=code, key=key, value=value, limit=limit))

@@ -1,0 +1,46 @@
+"""Whether anything of compensation tables is added to the tool, and how they are switched off without a step.
+
+I51 = 0 leaves in the register what was added last, and that stays added. So tables are switched off only where
+they add nothing, and the register is looked at before.
+"""
+
+from __future__ import annotations
+
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.cam import correction_register, register_definition
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+SWITCH = "I51"
+
+
+def table_problems(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
+    """Return what keeps a cut from being loaded: tables that are on, or a correction that was left behind.
+
+    Raises:
+        DriverError: the link broke, or the controller refused to answer.
+    """
+    client.request(register_definition(machine, dialect))
+    on, held = client.numbers(SWITCH, correction_register(machine))
+    problems = []
+    if on:
+        problems.append(Problem(code="cut.table_on", key=SWITCH, value=format_number(on), limit="0"))
+    if held:
+        key = correction_register(machine)
+        problems.append(Problem(code="cut.table_holds", key=key, value=format_number(held), limit="0"))
+    return tuple(problems)
+
+
+def switch_off(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
+    """Switch tables off if the register reads 0, everything at rest; return what is then left to be done.
+
+    Raises:
+        DriverError: the link broke, or the controller refused to answer.
+    """
+    problems = table_problems(client, machine, dialect)
+    if [problem.code for problem in problems] != ["cut.table_on"]:
+        return problems
+    client.request(f"{SWITCH}=0")
+    return table_problems(client, machine, dialect)

@@ -1,0 +1,130 @@
+"""The heartbeat as a host keeps it: its PLC is on the card and alive, its lease is renewed while something moves.
+
+When the host falls silent the card ends what moves by itself, as the policy says. A lease that has run out is not
+renewed: what it guarded was ended, and the machine is looked at instead.
+"""
+
+from __future__ import annotations
+
+from drivers.clock import Clock
+from drivers.errors import DriverError, RefusedError
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.heartbeat.arming import heartbeat_problems
+from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
+from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
+from drivers.pmac.reserved import LOST
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+NOT_OURS = frozenset({"heartbeat.plc_missing", "heartbeat.plc_differs", "heartbeat.definition_differs"})
+"""What loading the heartbeat cures."""
+
+SHORTEST_WAIT_S = 0.001
+
+
+class Heartbeat:
+    """The lease of one controller. It guards nothing before `prepare` has found everything in order."""
+
+    def __init__(
+        self, client: PmacClient, clock: Clock, machine: MachineProfile, policy: Policy = Policy.RETRACT
+    ) -> None:
+        self._client = client
+        self._clock = clock
+        self._machine = machine
+        self._dialect = DIALECTS[machine.controller.family]
+        self._policy = policy
+        self._keeper: Keeper | None = None
+        self._guarding = False
+
+    def prepare(self) -> None:
+        """Make sure that the card would end a motion without a host; load its PLC where it is not there.
+
+        Only with the drives off: nothing of it moves anything, but a PLC that is being exchanged guards nothing.
+
+        Raises:
+            RefusedError: everything that is not in order, `heartbeat.*`.
+            LinkError: the link broke or is out of step.
+        """
+        self._keeper = None
+        look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
+        problems = self._problems(look)
+        if any(problem.code in NOT_OURS for problem in problems):
+            self._client.download(set_up_lines(self._machine, self._dialect, self._policy))
+            look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
+            problems = self._problems(look)
+        if problems:
+            raise RefusedError(*problems)
+        self._keeper = Keeper(dialect=self._dialect, i10=look.i10)
+
+    def jog(self, line: str) -> str:
+        """Return a line that moves a motor, with its lease in front, to be sent at once."""
+        keeper = self._begin()
+        return f"{keeper.jog_line()} {line}"
+
+    def cut(self, line: str, retracted_counts: float) -> str:
+        """Return a line that starts a cut, with its lease in front, and with where the tool is out of the part."""
+        keeper = self._begin()
+        return f"{keeper.cut_line(retracted_counts)} {line}"
+
+    def pause(self, seconds: float) -> None:
+        """Let time pass, and renew the lease when it is due.
+
+        Raises:
+            DriverError: `heartbeat.lapsed`, this host was silent for too long; nothing was renewed.
+            LinkError: the link broke or is out of step.
+        """
+        end_s = self._clock.now_s() + seconds
+        while True:
+            due_s = self._renewed()
+            now_s = self._clock.now_s()
+            if now_s >= end_s:
+                return
+            self._clock.wait(max(min(end_s, due_s) - now_s, SHORTEST_WAIT_S))
+
+    def ended(self) -> None:
+        """What was guarded has come to its end; the lease may run out.
+
+        Raises:
+            DriverError: `heartbeat.lost`, the card has ended it before.
+            LinkError: the link broke or is out of step.
+        """
+        if not self._guarding:
+            return
+        self._guarding = False
+        self._client.request(NOTHING_GUARDED)
+        (lost,) = self._client.numbers(f"P{LOST}", again=True)
+        if lost:
+            raise DriverError(Problem(code="heartbeat.lapsed", where=self._client.link.address))
+
+    def loss_seen(self) -> None:
+        """Take back the word that something was ended: an operator has seen it.
+
+        Raises:
+            LinkError: the link broke or is out of step.
+        """
+        self._client.request(LOSS_SEEN)
+
+    def _problems(self, look: HeartbeatLook) -> tuple[Problem, ...]:
+        return heartbeat_problems(look, self._machine, self._dialect, self._policy)
+
+    def _begin(self) -> Keeper:
+        if self._keeper is None:
+            raise RefusedError(Problem(code="heartbeat.not_prepared", where=self._client.link.address))
+        self._guarding = True
+        self._keeper = self._keeper.renewed(self._clock.now_s())
+        return self._keeper
+
+    def _renewed(self) -> float:
+        """Renew the lease if it is due; return when the next renewal is."""
+        keeper = self._keeper
+        if not self._guarding or keeper is None:
+            return float("inf")
+        now_s = self._clock.now_s()
+        if keeper.lapsed(now_s):
+            raise DriverError(Problem(code="heartbeat.lapsed", where=self._client.link.address))
+        if now_s >= keeper.due_s(now_s):
+            self._keeper = keeper = keeper.renewed(now_s)
+            self._client.request(keeper.line)
+        return keeper.due_s(now_s)

@@ -1,0 +1,123 @@
+"""What the replies of a controller's Ethernet board are about: bytes in, the text for the host out.
+
+The board keeps what the card says in one queue, and each request fetches the next piece of it: up to an ACK or
+LF, with a BELL or STX up to the next CR, 1400 bytes at most, one NUL if there is nothing. Pieces are counted by
+the requests, answers by their ends. So the answer to a stop is told from that to the line in front of it, however
+the network cuts the bytes, and wherever in a long answer the stop came.
+
+`asked` may be called from any thread, before the request is sent; all else belongs to one that reads.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import Enum, auto
+
+from drivers.pmac.ethernet import NOTHING, REPLY_LIMIT, TAKEN, buffer_length
+
+ACK, LF, BELL = b"\x06", b"\n", b"\x07"
+FLUSHED = (TAKEN[0], 0x18)
+"""What a board says when it has flushed: the manual's control-X, or what real boards send."""
+
+_STOP_ANSWERS = (ACK, LF, NOTHING)
+
+
+class Asked(Enum):
+    """What a request was for."""
+
+    LINE = auto()
+    STOP = auto()
+    MORE = auto()
+    FLUSH = auto()
+
+
+class BoardReplies:
+    """The bookkeeping of one connection."""
+
+    def __init__(self) -> None:
+        self._asked: deque[Asked] = deque()
+        self._owed: deque[Asked] = deque()
+        self._pieces = 0
+        self._flushes = 0
+        self._piece = bytearray()
+        self._told = 0
+
+    def asked(self, what: Asked) -> None:
+        """Take note of a request, in the order in which they are sent."""
+        self._asked.append(what)
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything that was asked is answered."""
+        self._follow()
+        return not (self._owed or self._pieces or self._flushes)
+
+    @property
+    def wants_more(self) -> bool:
+        """Whether an answer goes on, and nobody has asked the board for the rest."""
+        self._follow()
+        return bool(self._owed) and not (self._pieces or self._flushes)
+
+    def take(self, data: bytes) -> bytes:
+        """Return what of these bytes is for the host."""
+        self._follow()
+        said = bytearray()
+        while data:
+            if self._flushes:
+                data = self._discard(data)
+            elif self._pieces:
+                data = self._go_on(data, said)
+            else:
+                said += data  # nobody asked: the host is to see it
+                break
+        return bytes(said)
+
+    def _follow(self) -> None:
+        while self._asked:
+            what = self._asked.popleft()
+            if what is Asked.FLUSH:
+                self._owed.clear()
+                self._pieces = 0
+                self._begin_piece()
+                self._flushes += 1
+            else:
+                self._pieces += 1
+                if what is not Asked.MORE:
+                    self._owed.append(what)
+
+    def _discard(self, data: bytes) -> bytes:
+        """Drop what was said before the flush."""
+        for place, byte in enumerate(data):
+            if byte in FLUSHED:
+                self._flushes -= 1
+                return data[place + 1 :]
+        return b""
+
+    def _go_on(self, data: bytes, said: bytearray) -> bytes:
+        """Add to the piece; return what is behind it."""
+        self._piece += data
+        nothing = self._piece.startswith(NOTHING)
+        length = len(NOTHING) if nothing else buffer_length(self._piece, REPLY_LIMIT)
+        end = length or len(self._piece)
+        piece, rest = bytes(self._piece[:end]), bytes(self._piece[end:])
+        of_stop = bool(self._owed) and self._owed[0] is Asked.STOP
+        if not of_stop:
+            said += piece[self._told :]
+            self._told = end
+        if length:
+            self._end_piece(piece, said, of_stop=of_stop)
+        return rest
+
+    def _end_piece(self, piece: bytes, said: bytearray, *, of_stop: bool) -> None:
+        self._pieces -= 1
+        self._begin_piece()
+        if of_stop and piece not in _STOP_ANSWERS:
+            said += NOTHING  # not what a stop answers: the host must find out where it is
+        # A piece that ends with the CR behind an STX is a message; a full one, or one without an end, goes on.
+        ended = piece == NOTHING or piece.endswith((ACK, LF)) or BELL in piece
+        if ended and self._owed:
+            self._owed.popleft()
+
+    def _begin_piece(self) -> None:
+        self._piece.clear()
+        self._told = 0

@@ -1,0 +1,148 @@
+"""A link to the Ethernet board of a controller: lines become requests, replies become the dialogue again."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+
+from drivers.errors import LinkError, LinkTimeoutError
+from drivers.link.address import EthernetAddress
+from drivers.link.board_replies import Asked, BoardReplies
+from drivers.link.connection import Connection
+from drivers.link.stop_connection import StopConnection
+from drivers.pmac.ethernet import REPLY_LIMIT, Direction, Request, RequestCode
+from profiles.problem import Problem
+
+REPLY_WAIT_S = 2.0
+"""How long a line waits for the reply in front of it: the board mixes up replies to two lines at a time."""
+
+URGENT_WAIT_S = 0.02
+"""How long a stop waits for another thread that is just handing over a request, which takes no time."""
+
+FLUSH = b"\x18"
+
+_PARTS = re.compile(rb"[\r\n\x18]|[^\r\n\x18]+")
+_GET_BUFFER = Request(direction=Direction.UPLOAD, code=RequestCode.GETBUFFER, length=REPLY_LIMIT)
+_FLUSH = Request(direction=Direction.DOWNLOAD, code=RequestCode.FLUSH)
+
+
+class EthernetLink:
+    """One request at a time, but for stops: those go directly behind it, as whole requests of their own.
+
+    With `reserve_stop` they have a second connection. It may be used only where the board was seen to obey there.
+    """
+
+    def __init__(self, address: EthernetAddress, *, reserve_stop: bool = False) -> None:
+        """Connect.
+
+        Raises:
+            LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`;
+                `link.no_stop_connection`, there is no second one.
+        """
+        self.address = str(address)
+        self._replies = BoardReplies()
+        # Re-entrant: a signal handler may interrupt the very thread that holds it, and must not wait for that.
+        self._requests = threading.RLock()
+        self._line = b""
+        self._asked_last = ""
+        self._said = b""
+        self._connection = Connection(address.host, address.port, self.address)
+        self._stops = self._reserve(address) if reserve_stop else None
+
+    @property
+    def reserved_stop(self) -> bool:
+        """Whether stops have a connection of their own, and it is still there."""
+        return self._stops is not None and self._stops.alive
+
+    def send(self, data: bytes) -> None:
+        """Send lines that end in CR, each when the one before is answered; control-X is a flush at once.
+
+        Raises:
+            LinkTimeoutError: `link.silent`, the line before was not answered; this one was not sent.
+            LinkError: `link.lost`, `link.closed`.
+        """
+        for part in _PARTS.findall(data):
+            if part == b"\r":
+                line, self._line = self._line, b""
+                self._ask(line)
+            elif part == FLUSH:
+                self._line = b""
+                self._asked_last = "^X"
+                self._request(_FLUSH, Asked.FLUSH)
+            elif part != b"\n":
+                self._line += part
+
+    def send_urgent(self, data: bytes) -> None:
+        """Send a stop now: on its own connection, or directly behind the request in flight.
+
+        Raises:
+            LinkError: `link.lost`, the board takes nothing.
+        """
+        stop = Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(data), data=data)
+        if self._stops is None or not self._stops.send(stop.encode()):
+            self._request(stop, Asked.STOP)
+
+    def receive(self, timeout_s: float) -> bytes:
+        """Return what has been said within `timeout_s`.
+
+        Raises:
+            LinkError: `link.lost`, or `link.closed` by the controller.
+        """
+        deadline = time.monotonic() + timeout_s
+        while not self._said:
+            left_s = deadline - time.monotonic()
+            self._read(left_s)
+            if left_s <= 0.0:
+                break
+        said, self._said = self._said, b""
+        return said
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._connection.close()
+        if self._stops is not None:
+            self._stops.close()
+
+    def _reserve(self, address: EthernetAddress) -> StopConnection:
+        try:
+            return StopConnection(Connection(address.host, address.port, self.address))
+        except LinkError as error:
+            self._connection.close()
+            reason = error.problems[0].value
+            problem = Problem(code="link.no_stop_connection", where=self.address, value=reason)
+            raise LinkError(problem) from error
+
+    def _ask(self, line: bytes) -> None:
+        self._await_replies()
+        self._asked_last = line.decode("latin-1")
+        ask = Request(direction=Direction.DOWNLOAD, code=RequestCode.GETRESPONSE, length=len(line), data=line)
+        self._request(ask, Asked.LINE)
+
+    def _await_replies(self) -> None:
+        deadline = time.monotonic() + REPLY_WAIT_S
+        while not self._replies.complete:
+            left_s = deadline - time.monotonic()
+            if left_s <= 0.0:
+                limit = f"{REPLY_WAIT_S:g} s"
+                raise LinkTimeoutError(
+                    Problem(code="link.silent", where=self.address, key=self._asked_last, value=limit)
+                )
+            self._read(left_s)
+
+    def _read(self, timeout_s: float) -> None:
+        if self._stops is not None:
+            self._stops.look()
+        self._said += self._replies.take(self._connection.read(timeout_s))
+        if self._replies.wants_more:
+            self._request(_GET_BUFFER, Asked.MORE)
+
+    def _request(self, request: Request, what: Asked) -> None:
+        """Send a whole request. What was asked is noted in the order in which it is sent."""
+        held = self._requests.acquire(timeout=URGENT_WAIT_S)
+        try:
+            self._replies.asked(what)
+            self._connection.write_whole(request.encode())
+        finally:
+            if held:
+                self._requests.release()

@@ -1,0 +1,156 @@
+"""Opening a serial line for this program alone, and saying what is in the way."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import grp
+import os
+import pwd
+import stat
+import struct
+import termios
+from contextlib import suppress
+from pathlib import Path
+
+import serial
+
+from drivers.errors import LinkError
+from drivers.link.address import SerialAddress
+from profiles.problem import Problem
+
+BAUD_TOLERANCE = 0.02
+"""How far the speed of a line may be from the one asked for; characters are still read right then."""
+
+_REFUSALS = {
+    errno.ENOENT: "link.no_device",
+    errno.ENOTDIR: "link.no_device",
+    errno.ENXIO: "link.no_device",
+    errno.ENODEV: "link.no_device",
+    errno.EIO: "link.no_device",  # a name that the system keeps for a port that is not there
+    errno.EAGAIN: "link.busy",  # the lock of another program
+    errno.EBUSY: "link.busy",
+    errno.EISDIR: "link.not_serial",
+    errno.ENOTTY: "link.not_serial",
+    errno.EINVAL: "link.not_serial",
+    errno.EACCES: "link.no_permission",
+    errno.EPERM: "link.no_permission",
+}
+
+_TCGETS2, _TERMIOS2 = 0x802C_542A, struct.Struct("4IB19s2I")
+"""Asks for the settings with the speed as a number; the places of most kinds of processors, not of all."""
+
+_PSEUDO_TERMINALS = range(136, 144)
+"""Major device numbers."""
+
+
+def open_line(address: SerialAddress) -> serial.Serial:
+    """Open the device: 8 data bits, no parity, one stop bit, no flow control.
+
+    Raises:
+        LinkError: `link.no_device`, `link.no_permission`, `link.owner_only`, `link.busy`, `link.not_serial`,
+            `link.baud`, `link.failed`.
+    """
+    try:
+        line = serial.Serial(address.device, address.baud_rate, timeout=0, exclusive=True)
+    except ValueError as error:
+        raise _problem(address, "link.baud", value=str(address.baud_rate)) from error
+    except OSError as error:
+        raise _refusal(address, error) from error
+    try:
+        _check_speed(address, line.fileno())
+        _keep_others_out(line.fileno())
+    except BaseException:
+        line.close()
+        raise
+    return line
+
+
+def speed_of(line: int) -> int | None:
+    """Return the speed of an open line in bit/s, None where the system does not tell."""
+    try:
+        answer = fcntl.ioctl(line, _TCGETS2, bytes(_TERMIOS2.size))
+    except OSError:
+        return None
+    return int(_TERMIOS2.unpack(answer)[-1])
+
+
+def _check_speed(address: SerialAddress, line: int) -> None:
+    """Ask the line what it made of the speed: a driver that cannot have it keeps another without a word."""
+    speed = speed_of(line)
+    if speed is not None and abs(speed - address.baud_rate) > BAUD_TOLERANCE * address.baud_rate:
+        raise _problem(address, "link.baud", value=str(address.baud_rate), limit=str(speed))
+
+
+def _keep_others_out(line: int) -> None:
+    """Let the system refuse programs that do not ask for the lock.
+
+    A pseudo-terminal would keep that when this program is killed, and be closed to everybody from then on.
+    """
+    if os.major(os.fstat(line).st_rdev) not in _PSEUDO_TERMINALS:
+        with suppress(OSError):
+            fcntl.ioctl(line, termios.TIOCEXCL)
+
+
+def _refusal(address: SerialAddress, error: OSError) -> LinkError:
+    number = _number(error)
+    code = _REFUSALS.get(number, "link.failed")
+    reason = os.strerror(number) if number else str(error)
+    if code == "link.busy":
+        return _problem(address, code, value=_holder(address.device) or reason)
+    if code == "link.no_permission":
+        return _not_permitted(address)
+    return _problem(address, code, value=reason)
+
+
+def _number(error: OSError) -> int:
+    """Return the error number; pyserial hides that of the settings in the error in front of its own."""
+    number, before = error.errno, error.__context__
+    if number is None and isinstance(before, termios.error):
+        number = before.args[0]
+    return number or 0
+
+
+def _not_permitted(address: SerialAddress) -> LinkError:
+    """Say who may open the device: a group that one can be added to, or its owner alone."""
+    try:
+        owned = os.stat(address.device)
+    except OSError as error:  # not even the folder may be looked into
+        return _problem(address, "link.failed", value=os.strerror(error.errno or 0))
+    mode = stat.filemode(owned.st_mode)
+    if owned.st_mode & stat.S_IRGRP and owned.st_mode & stat.S_IWGRP:
+        return _problem(address, "link.no_permission", value=mode, limit=_group_name(owned.st_gid))
+    return _problem(address, "link.owner_only", value=mode, limit=_user_name(owned.st_uid))
+
+
+def _group_name(number: int) -> str:
+    try:
+        return grp.getgrgid(number).gr_name
+    except KeyError:
+        return str(number)
+
+
+def _user_name(number: int) -> str:
+    try:
+        return pwd.getpwuid(number).pw_name
+    except KeyError:
+        return str(number)
+
+
+def _holder(device: str) -> str:
+    """Return which program has locked the device, as far as the system tells; empty when it does not."""
+    try:
+        node = os.stat(device)
+        where = f"{os.major(node.st_dev):02x}:{os.minor(node.st_dev):02x}:{node.st_ino}"
+        for lock in Path("/proc/locks").read_text(encoding="ascii").splitlines():
+            number, held = lock.split()[-4:-2]
+            if held == where and number.isdigit():
+                name = Path(f"/proc/{number}/comm").read_text(encoding="utf-8", errors="replace").strip()
+                return f"{name}, PID {number}" if name.isprintable() else f"PID {number}"
+    except (OSError, ValueError):
+        pass
+    return ""
+
+
+def _problem(address: SerialAddress, code: str, *, value: str = "", limit: str = "") -> LinkError:
+    return LinkError(Problem(code=code, where=str(address), value=value, limit=limit))

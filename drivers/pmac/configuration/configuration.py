@@ -1,0 +1,102 @@
+"""The configuration of a controller as one value: everything that stays when nothing moves.
+
+Values of P, Q and M are none of it: they belong to programs and PLCs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from drivers.pmac.dialect import DIALECTS, Dialect, Scope
+from drivers.pmac.variables import MODAL_NUMBERS
+
+HOST_SETTINGS = (3, 4, 6, 63, 64)
+"""Handshake, checksums, errors, echo, marks of messages: every host sets them for itself when it connects."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisEntry:
+    """The definition of a motor's axis, such as `2000X+10`, and the coordinate system that it belongs to."""
+
+    system: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class TableEntry:
+    """A compensation table: what stands behind DEFINE COMP, how many entries, and their hash (sha256)."""
+
+    definition: str
+    entry_count: int
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """What was read of one controller; mappings are by number.
+
+    `pointers` are the M-variables that point at something. `conversion` are the set-up words of the encoder
+    conversion table, of families in which they are no I-variables. `locked` names what a password hides, such as
+    `PLC 3`.
+    """
+
+    family: str
+    kind: str
+    version: str
+    settings: Mapping[int, float]
+    axes: Mapping[int, AxisEntry] = field(default_factory=dict)
+    pointers: Mapping[int, str] = field(default_factory=dict)
+    plcs: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    programs: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    tables: Mapping[int, TableEntry] = field(default_factory=dict)
+    conversion: tuple[int, ...] = ()
+    locked: tuple[str, ...] = ()
+
+    @property
+    def dialect(self) -> Dialect:
+        """The family as data."""
+        return DIALECTS[self.family]
+
+    @cached_property
+    def standing(self) -> Mapping[int, float]:
+        """The settings that nobody changes in ordinary work, by number."""
+        passing = passing_settings(self.dialect)
+        return {index: value for index, value in self.settings.items() if index not in passing}
+
+    @property
+    def fingerprint(self) -> str:
+        """Return the hash (sha256) of what nobody changes in ordinary work; programs are not among it."""
+        return digest(
+            [self.family, self.kind, self.version]
+            + [f"I{index}={value!r}" for index, value in sorted(self.standing.items())]
+            + [f"#{motor}->{axis}" for motor, axis in sorted(self.axes.items())]
+            + [f"M{index}->{text}" for index, text in sorted(self.pointers.items())]
+            + [f"PLC{number} {line}" for number, lines in sorted(self.plcs.items()) for line in lines]
+            + [f"COMP{motor} {table}" for motor, table in sorted(self.tables.items())]
+            + [f"{word}" for word in self.conversion]
+        )
+
+
+def passing_settings(dialect: Dialect) -> frozenset[int]:
+    """Return the settings that ordinary work changes: the host's own, gathering, modal values, timers."""
+    gather = dialect.gathering
+    passing = {gather.period, *gather.masks}
+    passing |= set(range(gather.first_source, gather.first_source + gather.source_count))
+    for system in dialect.numbers(Scope.SYSTEM):
+        passing |= {dialect.system_index(system, number) for number in MODAL_NUMBERS}
+    return fleeting_settings(dialect) | passing
+
+
+def fleeting_settings(dialect: Dialect) -> frozenset[int]:
+    """Return the settings that are no part of a configuration: the host's own, and timers that count."""
+    systems = dialect.numbers(Scope.SYSTEM)
+    timers = {dialect.system_index(system, number) for system in systems for number in dialect.timer_numbers}
+    return frozenset({*HOST_SETTINGS, *timers})
+
+
+def digest(lines: Iterable[str]) -> str:
+    """Return the hash (sha256, hexadecimal) of lines."""
+    return hashlib.sha256("".join(f"{line}\n" for line in lines).encode("utf-8")).hexdigest()

@@ -1,0 +1,205 @@
+"""What has to be seen in motion, in air: the delay of a table's source, PVT times, a stop in mid-jog."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+from drivers.errors import ControllerError
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
+from drivers.pmac.configuration.amounts import digits, length
+from drivers.pmac.configuration.check import Check
+from drivers.pmac.configuration.proofs.bench import POLL_S, SETTLE_S, ProofBench, proof, unproven_of
+from drivers.pmac.configuration.reading import ask_or_none
+from drivers.pmac.configuration.stops import after_abort
+from drivers.pmac.gathering.gather_client import DataGathering
+from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.language.text import format_constant
+from drivers.pmac.status import decode
+from drivers.travel import LINK_LATENCY_MS
+
+PROGRAM = 999
+COUNTER = "P1010"
+PVT_MS, PAIRS = 10.4, 200
+"""Segments of a time that is no whole number of ms, there and back so often."""
+
+STEP_COUNTS = 10.0
+JOG_S = 1.5
+RAMP_S = 0.6
+SAMPLES = 200
+LONGEST_DELAY = 3
+REST_TIMEOUT_S = 10.0
+CAM_COUNTS = 200
+"""Height of the cam over half a turn, of a motor that is killed."""
+
+ENTRY = 16
+
+
+def source_delay(bench: ProofBench) -> Check:
+    """Measure how many servo cycles old the source of a table is, for a target on each side of it.
+
+    The spindle alone is closed, and jogs so far that it comes to rest by itself; tool and carriage stay killed.
+    """
+    spindle = bench.motor("spindle")
+    targets = {name: bench.motor(name) for name in ("tool", "carriage")}
+    wanted = {name: int(spindle > motor) for name, motor in targets.items()}
+    found = {name: _delay(bench, spindle, motor) for name, motor in targets.items()}
+    told, asked = (", ".join(f"{name} {delay}" for name, delay in each.items()) for each in (found, wanted))
+    return proof("source_delay", holds=found == wanted, found=told, wanted=asked)
+
+
+def pvt_rounding(bench: ProofBench) -> Check:
+    """Measure how long PVT segments of a broken number of ms take; the carriage moves to and fro by ten counts."""
+    if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
+        return unproven_of(["pvt_rounding"])[0]  # somebody's program is there
+    value = bench.client.numbers(COUNTER, again=True)[0]
+    try:
+        _load(bench)
+        found_ms = _run(bench) / (2 * PAIRS)
+    finally:
+        with suppress(ControllerError):  # after a stop the program may not have ended yet
+            for line in (f"{COUNTER}={format_constant(value)}", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"):
+                bench.client.request(line, lines=0)
+    wanted_ms, other_ms = _segment_ms(bench)
+    holds = abs(found_ms - wanted_ms) < abs(found_ms - other_ms)
+    return proof("pvt_rounding", holds=holds, found=f"{found_ms:.2f} ms", wanted=f"{wanted_ms:g} ms")
+
+
+def stop_from_jog(bench: ProofBench) -> Check:
+    """Measure how far the spindle runs on after a control-A in mid-jog; every loop is closed."""
+    axis = next(each for each in bench.judged.axes if each.name == "spindle")
+    machine, motor = bench.judged.machine, axis.motor
+    speed = abs(bench.judged.of_motor(axis, 22))
+    bench.tell(f"#{motor}J^{_jog_counts(bench, motor)}")
+    bench.settle(RAMP_S)
+    before, pressed_s = bench.position(motor), bench.clock.now_s()
+    # A control-A would close what has opened meanwhile; without this it is a control-K.
+    bench.stop.loops_closed = all(_closed(bench, each.motor) for each in bench.judged.axes)
+    bench.stop.stop("doctor")
+    rest = _rest(bench, motor)
+    time_s = bench.clock.now_s() - pressed_s
+    late_ms = machine.controller.background_ms + LINK_LATENCY_MS
+    computed = after_abort(speed, bench.judged.of_motor(axis, 15), late_ms)
+    run_on = abs(rest - before)
+    holds = run_on <= computed.counts and bool(run_on) and not bench.stop.killed
+    found = f"{length(run_on, motor, machine)}, {digits(time_s)} s"
+    wanted = f"<= {length(computed.counts, motor, machine)}"
+    return proof("stop_from_jog", holds=holds, found=found, wanted=wanted, subject="spindle")
+
+
+def _delay(bench: ProofBench, spindle: int, target: int) -> int | None:
+    """Return the delay that explains what was gathered best, None where none does."""
+    table = _cam(bench, spindle, target)
+    bench.define(table)
+    bench.tell("I51=1")
+    gathering = DataGathering(client=bench.client, dialect=bench.dialect)
+    channels = gathering.motor_channels(f"#{spindle} actual", f"#{target} compensation")
+    plan = gathering.prepare(channels, SAMPLES)
+    bench.tell(f"#{spindle}J/", f"#{spindle}J^{_jog_counts(bench, spindle)}")
+    bench.settle(RAMP_S)
+    gathering.start(plan)
+    bench.settle(plan.duration_ms / 1000.0 + SETTLE_S)
+    gathering.stop()
+    data = gathering.fetch(plan)
+    _rest(bench, spindle)
+    bench.tell(f"#{spindle}K", "DELETE GATHER")
+    bench.delete(target)
+    return _best(data, table, spindle, target)
+
+
+def _best(data: GatheredData, table: CompensationTable, spindle: int, target: int) -> int | None:
+    source, corrections = data.values[f"#{spindle} actual"], data.values[f"#{target} compensation"]
+    if len(source) <= LONGEST_DELAY or max(source) - min(source) < SAMPLES:
+        return None  # it did not turn
+    errors = {
+        delay: max(
+            abs(correction - table.correction(float(source[place - delay])))
+            for place, correction in enumerate(corrections)
+            if place >= LONGEST_DELAY
+        )
+        for delay in range(LONGEST_DELAY + 1)
+    }
+    return min(errors, key=errors.__getitem__)
+
+
+def _cam(bench: ProofBench, spindle: int, target: int) -> CompensationTable:
+    span = bench.judged.machine.spindle.counts_per_rev
+    definition = TableDefinition(motor=target, sources=(TableSource(spindle, span),), target=target, columns=2)
+    return definition.filled((CAM_COUNTS * ENTRY, 0))
+
+
+def _jog_counts(bench: ProofBench, motor: int) -> str:
+    speed = abs(bench.judged.value(bench.dialect.motor_index(motor, 22)) or 0.0)
+    return format_constant(float(round(speed * JOG_S * 1000.0)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    letter: str
+    scale: float
+
+
+def _load(bench: ProofBench) -> None:
+    """Enter the program that goes to and fro; the motors are closed already."""
+    carriage = bench.motor("carriage")
+    definitions = read_definitions(bench.judged.machine.controller.axis_definitions)
+    axis = next(_Axis(each.axis, each.scale) for each in definitions if each.motor == carriage)
+    step = format_constant(STEP_COUNTS / abs(axis.scale))
+    bench.client.download(
+        (
+            f"OPEN PROG{PROGRAM}",
+            "CLEAR",
+            f"INC({axis.letter})",
+            f"PVT{PVT_MS}",
+            f"{COUNTER}=0",
+            f"WHILE({COUNTER}<{PAIRS})",
+            f"{axis.letter}{step}:0",
+            f"{axis.letter}-{step}:0",
+            f"{COUNTER}={COUNTER}+1",
+            "ENDWHILE",
+            f"ABS({axis.letter})",
+            "CLOSE",
+        )
+    )
+
+
+def _run(bench: ProofBench) -> float:
+    """Run the program; return how long it took, ms."""
+    began_s = bench.clock.now_s()
+    bench.tell(f"&1B{PROGRAM}R")
+    while not _arrived(bench) and bench.clock.now_s() - began_s < REST_TIMEOUT_S:
+        bench.settle(POLL_S)
+    return (bench.clock.now_s() - began_s) * 1000.0
+
+
+def _closed(bench: ProofBench, motor: int) -> bool:
+    flags = bench.flags(motor)
+    return "amplifier_enabled" in flags and "open_loop" not in flags
+
+
+def _arrived(bench: ProofBench) -> bool:
+    (digits_,) = bench.client.query("&1??", again=True)
+    flags = decode(digits_, bench.dialect.system_bits)
+    motor = bench.flags(bench.motor("carriage"))
+    return "running_program" not in flags and "move_timer_active" not in motor
+
+
+def _segment_ms(bench: ProofBench) -> tuple[float, float]:
+    """Return how long a segment is to take, and how long it would by the other rule."""
+    switch = bench.dialect.segment_time_switch
+    exact = switch is not None and not bench.judged.value(switch)
+    whole = float(round(PVT_MS))
+    return (PVT_MS, whole) if exact else (whole, PVT_MS)
+
+
+def _rest(bench: ProofBench, motor: int) -> float:
+    """Wait until a motor is commanded to stand still; return where it is."""
+    end = bench.clock.now_s() + REST_TIMEOUT_S
+    while bench.clock.now_s() < end:
+        flags = bench.flags(motor)
+        if "desired_velocity_zero" in flags or "open_loop" in flags:
+            break
+        bench.clock.wait(POLL_S)
+    bench.clock.wait(SETTLE_S)
+    return bench.position(motor)

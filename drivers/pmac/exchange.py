@@ -1,0 +1,264 @@
+"""One request in flight on a link, and the way back in step when something else than its reply has come.
+
+The proof of being in step is a marker: a fresh number is written to a variable of the card and read back in the
+same line. Lines are answered in their order, so that whatever was answered before is over then.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from drivers.clock import Clock
+from drivers.errors import LinkError, LinkTimeoutError
+from drivers.link.base import Link
+from drivers.pmac.foreseen import foresee, opens_buffer
+from drivers.pmac.framing import FramingError, Reply, ReplyReader
+from drivers.pmac.link_faults import FaultKind, LinkFaults
+from drivers.pmac.reserved import MARKER
+from profiles.problem import Problem
+
+FLUSH = b"\x18"
+
+REPLY_TIMEOUT_S = 2.0
+QUIET_S = 0.1
+"""So long nothing comes in the middle of a reply that is on its way."""
+
+DRAIN_LIMIT_S = 2.0
+"""After this something that talks without end is no controller; the next reply will show it."""
+
+MESSAGES_KEPT = 100
+"""Texts of programs that wait to be taken; the oldest go first."""
+
+_MARKERS = 8_000_000
+"""They are whole and below 2^23, so that every variable holds them exactly."""
+
+
+class Exchange:
+    """Sends lines and takes their replies; any fault is counted, and the next line waits for the way back.
+
+    `faults` is replaced by reference, and may be read from any thread.
+    """
+
+    def __init__(self, link: Link, clock: Clock) -> None:
+        self.link = link
+        self.faults = LinkFaults()
+        self.in_step = True
+        self.messages: deque[str] = deque(maxlen=MESSAGES_KEPT)
+        self.buffer_open = False
+        self._clock = clock
+        self._reader = ReplyReader()
+        self._in_flight: str | None = None
+        self._was_open = False
+        self._settings = ""
+        self._marker = 0
+
+    def forget(self) -> None:
+        """Empty the line; from now on nothing is known about the card, and nothing is proven, until `prove`."""
+        self._settings = ""
+        self._flush()
+        self.in_step = True
+
+    def prove(self, settings: str) -> None:
+        """Be in step with these settings; they are made again with every way back.
+
+        Raises:
+            LinkError: `link.not_in_step`, or `controller.buffer_open`.
+        """
+        self._settings = settings
+        self.in_step = False
+        self.resynchronise()
+
+    def drain(self) -> None:
+        """Read until the line has been quiet, and forget what came."""
+        deadline = self._clock.now_s() + DRAIN_LIMIT_S
+        while self.link.receive(QUIET_S) and self._clock.now_s() < deadline:
+            pass
+        self._reader.clear()
+
+    def send(self, line: str, data: bytes, timeout_s: float) -> None:
+        """Send a line, in step; what came unasked before is sorted out first.
+
+        Raises:
+            LinkError: the link broke; or those of `resynchronise`, and the line was not sent.
+        """
+        if self._in_flight is not None:
+            self._lose_step(FaultKind.ABANDONED, self._in_flight)
+        elif self._unasked():
+            self._lose_step(FaultKind.UNASKED, "")
+        if not self.in_step:
+            self.resynchronise(timeout_s)
+        self._was_open = self.buffer_open
+        self.buffer_open = self.buffer_open or opens_buffer(line) is True
+        self._in_flight = line
+        try:
+            self.link.send(data)
+        except LinkError as error:
+            raise self._lost(line, error) from error
+
+    def reply(self, line: str, timeout_s: float, lines: int | None) -> Reply:
+        """Return the reply to the line that was sent, of `lines` lines of data where it is not None.
+
+        Raises:
+            LinkTimeoutError: `link.silent`, no complete reply in time.
+            LinkError: the link broke, or `link.out_of_step`; with `link.outcome_unknown` if the line may have
+                done anything.
+        """
+        try:
+            reply = self._await(timeout_s)
+            accepted = reply.error_number is None
+            # In front of a refusal stands what came before the command that is wrong, which may be anything.
+            if accepted and lines is not None and len(reply.lines) != lines:
+                raise _FaultError(FaultKind.LINE_COUNT, str(len(reply.lines)), str(lines))
+            self._in_flight = None
+            if not accepted:
+                self._prove_refusal(timeout_s)
+        except _FaultError as fault:
+            raise self._fault(fault, line, timeout_s) from None
+        except LinkError as error:
+            raise self._lost(line, error) from error
+        opens = opens_buffer(line)
+        if opens and not accepted:
+            self.buffer_open = self._was_open
+        elif accepted and opens is False:
+            self.buffer_open = False
+        return reply
+
+    def resynchronise(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
+        """Find out that link and card are in step again, and make the settings again; close what may be open.
+
+        Raises:
+            LinkTimeoutError: `link.not_in_step`.
+            LinkError: the link broke; or `controller.buffer_open`, somebody else's.
+        """
+        if self.in_step:
+            self._flush()
+        self.in_step = False
+        deadline, refusals = self._clock.now_s() + timeout_s, 0
+        while True:
+            if self._closes_buffer(deadline):
+                # Before anything was set there is nothing to go back to, and to know a marker of another by.
+                reply = self._marked(self._settings, self._left(deadline)) if self._settings else None
+                if not self._settings or self._is_marked(reply):
+                    self.in_step, self.buffer_open = True, False
+                    return
+                refusals += reply is not None and reply.error_number is not None
+            self._flush()
+            if refusals > 1:  # one may have been the error of a program
+                raise LinkError(Problem(code="controller.buffer_open", where=self.link.address))
+            if self._left(deadline) <= 0.0:
+                value = f"{timeout_s:g} s"
+                raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
+
+    def _closes_buffer(self, deadline: float) -> bool:
+        """CLOSE what may have been left open from here: else all that follows would become lines of a program."""
+        if not self.buffer_open:
+            return True
+        reply = self._ask("CLOSE", self._left(deadline))
+        return reply is not None and not reply.lines and reply.error_number is None
+
+    def _prove_refusal(self, timeout_s: float) -> None:
+        """Make sure that a refusal was that of the line, and not the error of a command that a program gave.
+
+        Raises:
+            _FaultError: it was not, or nothing answers any more.
+        """
+        if not self._settings or self._was_open:
+            return  # in an open buffer the marker would become a line of the program
+        reply = self._marked("", timeout_s)
+        if reply is not None and reply.error_number is not None and not reply.lines:
+            self.in_step = False  # a buffer that somebody else left open refuses the marker, too
+        elif not self._is_marked(reply):
+            raise _FaultError(FaultKind.UNASKED, "BEL ERRnnn")
+
+    def _marked(self, settings: str, timeout_s: float) -> Reply | None:
+        """Write a fresh number and read it back, behind some settings; return the reply, None without one."""
+        start = self._marker or int(1000.0 * self._clock.now_s())
+        self._marker = start % _MARKERS + 1
+        return self._ask(f"{settings} P{MARKER}={self._marker} P{MARKER}".strip(), timeout_s)
+
+    def _is_marked(self, reply: Reply | None) -> bool:
+        if reply is None or reply.error_number is not None:
+            return False
+        return [line.strip() for line in reply.lines] == [str(self._marker)]
+
+    def _ask(self, line: str, timeout_s: float) -> Reply | None:
+        """Return the next reply to a line of our own, None when there is none that can be read."""
+        self.link.send(line.encode("ascii") + b"\r")
+        try:
+            return self._await(max(timeout_s, QUIET_S))
+        except _FaultError:
+            return None
+
+    def _await(self, timeout_s: float) -> Reply:
+        deadline = self._clock.now_s() + timeout_s
+        while True:
+            try:
+                reply = self._reader.take()
+            except FramingError as error:
+                raise _FaultError(error.kind, str(error)) from error
+            if reply is not None:
+                self.messages += reply.messages
+                return reply
+            left, presumed = self._left(deadline), self._reader.presumed
+            if presumed is not None:
+                left = min(left, QUIET_S)
+            came = self.link.receive(left) if left > 0.0 else b""
+            if not came and presumed is not None:
+                raise _FaultError(presumed, "BEL" if presumed is FaultKind.BARE_BELL else "LF", "ACK | BEL ERRnnn")
+            if not came and self._left(deadline) <= 0.0:
+                raise _FaultError(FaultKind.SILENT if self._reader.empty else FaultKind.UNFINISHED)
+            self._reader.feed(came)
+
+    def _unasked(self) -> bool:
+        """Whether anything has come that nobody has asked for. Messages of programs are kept, and are none."""
+        self._reader.feed(self.link.receive(0.0))
+        try:
+            self.messages += self._reader.take_messages()
+        except FramingError:
+            return True
+        return not (self._reader.empty or self._reader.within_message)
+
+    def _lose_step(self, kind: FaultKind, line: str) -> None:
+        self.faults = self.faults.with_another(kind, self._clock.now_s(), line)
+        self._flush()
+        self.in_step = False
+
+    def _flush(self) -> None:
+        self._in_flight = None
+        self.link.send(FLUSH)
+        self.drain()
+
+    def _left(self, deadline: float) -> float:
+        return deadline - self._clock.now_s()
+
+    def _lost(self, line: str, error: LinkError) -> LinkError:
+        """Return that the link is gone, with what that means for the line."""
+        self._in_flight, self.in_step = None, False
+        self.faults = self.faults.with_another(FaultKind.LOST, self._clock.now_s(), line)
+        return type(error)(*error.problems, *self._outcome(line, FaultKind.LOST))
+
+    def _fault(self, fault: _FaultError, line: str, timeout_s: float) -> LinkError:
+        try:
+            self._lose_step(fault.kind, line)
+        except LinkError as error:
+            return self._lost(line, error)
+        where, unknown = self.link.address, self._outcome(line, fault.kind)
+        if fault.kind in (FaultKind.SILENT, FaultKind.UNFINISHED):
+            silent = Problem(code="link.silent", where=where, key=line, value=f"{timeout_s:g} s")
+            return LinkTimeoutError(silent, *unknown)
+        met = Problem(code="link.out_of_step", where=where, key=line, value=fault.met, limit=fault.allowed)
+        return LinkError(met, *unknown)
+
+    def _outcome(self, line: str, kind: FaultKind) -> tuple[Problem, ...]:
+        """Return what is to be said of a line whose reply did not come: nothing, if it only asks."""
+        if foresee(line).reads_only:
+            return ()
+        return (Problem(code="link.outcome_unknown", where=self.link.address, key=line, value=kind),)
+
+
+class _FaultError(Exception):
+    """Something else than a reply: what kind, what was met, what is allowed."""
+
+    def __init__(self, kind: FaultKind, met: str = "", allowed: str = "") -> None:
+        super().__init__(kind)
+        self.kind, self.met, self.allowed = kind, met, allowed

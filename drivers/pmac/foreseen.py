@@ -1,0 +1,131 @@
+"""What a line will be answered with, read from its commands before it is sent.
+
+Only what is certain is said: of a line with a command that is not known here, neither how many lines answer it,
+nor that it may be sent twice.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+_NUMBER = r"[-+]?(?:\$[0-9A-F]++|\d++(?:\.\d*+)?|\.\d++)"
+_END_OF_VALUE = r"(?![\w.])(?!\s*(?:[-+*/|^&%(=<>]|\.\.))"
+"""Where a number is the whole value, and not the beginning of an expression."""
+
+_GAP = r"(?=[\s,]|$)"
+
+
+@dataclass(frozen=True, slots=True)
+class Foreseen:
+    """`lines` of data in the reply, None when that is not certain; `reads_only`: nothing on the card changes."""
+
+    lines: int | None
+    reads_only: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    pattern: re.Pattern[str]
+    lines: Callable[[re.Match[str]], int | None]
+    reads_only: bool
+
+
+def _rule(pattern: str, lines: int | None, *, reads: bool) -> _Rule:
+    return _Rule(re.compile(pattern), lambda _: lines, reads)
+
+
+def _range_lines(found: re.Match[str]) -> int | None:
+    first, last, count, step = (found[name] for name in ("first", "last", "count", "step"))
+    if last is not None:
+        return max(0, int(last) - int(first) + 1)
+    if count is None:
+        return 1
+    return None if step is None else int(count)  # P1,5 without a step is in no manual that was seen
+
+
+_VARIABLES = r"(?P<first>\d++)(?:\.\.(?P<last>\d++)|,(?P<count>\d++)(?:,(?P<step>\d++))?)?"
+_PLACE = r"(?:DP|TWB|TWD|TWR|TWS|[XYDLF])\s*:?\s*\$?[0-9A-F]++(?:,\w++)*+"
+_LISTED = r"PROG(?:RAM)?|PLCC?|GATHER|GAT|COMP\s*DEF|COMP|PC|PE"
+
+_RULES = (
+    _rule(rf"LIST\s*(?:{_LISTED})\s*[\d, ]*+(?![^\s\d])", None, reads=True),
+    _rule(r"(?:VERSION|VER|TYPE|DATE|CID|CPU|VID|CHECKSUM|CHKS|SIZE|TIME|TODAY|PC|PE)(?![A-Z])", 1, reads=True),
+    _rule(r"RH?(?:X|Y|L|DP?|F)\s*:?\s*(?:\$[0-9A-F]++|\d++)(?:,\d++)?" + _GAP, None, reads=True),
+    _rule(r"\?{1,3}", 1, reads=True),
+    _rule(r"##?\d++->(?=\s*(?:#|$))", 1, reads=True),
+    _Rule(re.compile(rf"M{_VARIABLES}->(?=\s*(?:[#&IPQM?]|$))"), _range_lines, True),
+    _rule(r"(?:##?|&)\d++(?!->)", 0, reads=True),
+    _rule(rf"M{_VARIABLES}->(?:\*|{_PLACE})" + _GAP, 0, reads=False),
+    _rule(rf"[IPQM]{_VARIABLES}\s*=\s*(?:{_NUMBER}|\*)" + _END_OF_VALUE, 0, reads=False),
+    _Rule(re.compile(rf"[IPQM]{_VARIABLES}(?!\s*(?:=|->|\.\.|,|\())"), _range_lines, True),
+    _rule(r"[PVF](?![\d(])", 1, reads=True),
+    _rule(rf"%(?!\s*(?:{_NUMBER}))", 1, reads=True),
+    _rule(rf"%\s*{_NUMBER}", 0, reads=False),
+    _rule(r"OPEN\s*(?:PROG(?:RAM)?|PLC)\s*\d++|CLEAR|CLR|CLOSE|CLS", 0, reads=False),
+    _rule(r"(?:ENABLE|ENA|DISABLE|DIS)\s*PLCC?\s*\d++(?:(?:,|\.\.)\d++)*+", 0, reads=False),
+    _rule(r"DELETE\s*(?:PROG(?:RAM)?|PLCC?)\s*\d++|DELETE\s*GATHER|DEFINE\s*GATHER\s*\d*+", 0, reads=False),
+    _rule(r"ENDGATHER|ENDG|GATHER|GAT", 0, reads=False),
+    _rule(rf"J(?:[+/]|-(?!\d)|[=:^]={_NUMBER}|=\*|[=:^](?:{_NUMBER})?)(?![\^\w.])", 0, reads=False),
+    _rule(rf"HOMEZ?|HMZ?|B\d++|O{_NUMBER}|[KARSQH](?![A-Z(\d])", 0, reads=False),
+)
+_BETWEEN = re.compile(r"[\s;]*+")
+
+_QUOTED = re.compile(r'"[^"]*"?')
+_BUFFERS = re.compile(r"OPEN(?=\s*[A-Z])|CLOSE|CLS")
+_SETTING = re.compile(rf"\s*([IPQM]\d++)\s*=\s*({_NUMBER})(?=\s|$)")
+
+
+@lru_cache(maxsize=512)
+def foresee(line: str) -> Foreseen:
+    """Return what is certain about the reply to an on-line line."""
+    text, place = line.upper(), 0
+    lines: int | None = 0
+    reads_only = True
+    place = _skip(text, place)
+    while place < len(text):
+        found = next(((rule, match) for rule in _RULES if (match := rule.pattern.match(text, place))), None)
+        if found is None:
+            return Foreseen(None, False)
+        rule, match = found
+        more = rule.lines(match)
+        lines = None if lines is None or more is None else lines + more
+        reads_only = reads_only and rule.reads_only
+        place = _skip(text, match.end())
+    return Foreseen(lines, reads_only)
+
+
+def opens_buffer(line: str) -> bool | None:
+    """Return whether a buffer is open behind a line, None when the line says nothing of that."""
+    words = _BUFFERS.findall(_QUOTED.sub("", line.upper()))
+    return words[-1] == "OPEN" if words else None
+
+
+def settings_in(line: str) -> dict[str, float] | None:
+    """Return the variables that a line sets to plain numbers, None when it does anything else."""
+    text, place = line.upper().rstrip(), 0
+    found: dict[str, float] = {}
+    while place < len(text):
+        match = _SETTING.match(text, place)
+        if match is None:
+            return None
+        found[match[1]] = number_of(match[2])
+        place = match.end()
+    return found or None
+
+
+def number_of(text: str) -> float:
+    """Return the number in the report of a variable, in whatever form I9 has it answered (`$C000`, `I5=2`).
+
+    Raises:
+        ValueError: it is none.
+    """
+    digits = re.sub(r"^[IPQM]\d+=", "", text.strip())
+    return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)
+
+
+def _skip(text: str, place: int) -> int:
+    found = _BETWEEN.match(text, place)
+    return place if found is None else found.end()

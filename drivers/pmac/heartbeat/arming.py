@@ -1,0 +1,163 @@
+"""Whether the heartbeat on a card may be relied on: refusals from what was read, nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from drivers.pmac import reserved
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat.lease import Activity, lease_timer
+from drivers.pmac.heartbeat.plc import Policy, plc_lines
+from drivers.pmac.heartbeat.reading import PERMISSION, HeartbeatLook
+from drivers.pmac.heartbeat.registers import definitions
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.plc_statements import parse_plc_line
+from drivers.pmac.language.syntax import PlcStatement
+from drivers.pmac.language.text import format_number, format_plc_line
+from drivers.pmac.memory import Pointer, scan_pointer
+from drivers.pmac.plcs.schedule import I5_BACKGROUND
+from drivers.pmac.settings import servo_cycle_ms
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+RATE_TOLERANCE = 0.1
+"""How far off I10 the rate of the lease may be, beyond what the times of the requests leave open."""
+
+PLC = f"PLC {reserved.HEARTBEAT_PLC}"
+
+
+def heartbeat_problems(
+    look: HeartbeatLook, machine: MachineProfile, dialect: Dialect, policy: Policy
+) -> tuple[Problem, ...]:
+    """Return everything that forbids to move with this heartbeat; the states of now come last."""
+    return (
+        *_permission(look),
+        *_text(look, machine, dialect, policy),
+        *_definitions(look, machine, dialect),
+        *_echo(look),
+        *_lease(look, dialect),
+        *_state(look),
+    )
+
+
+def _permission(look: HeartbeatLook) -> Iterator[Problem]:
+    if not _permitted(look):
+        yield Problem(
+            code="heartbeat.plcs_forbidden",
+            key=f"I{PERMISSION}",
+            value=format_number(look.permission),
+            limit=f"{I5_BACKGROUND}, {I5_BACKGROUND + 1}",
+        )
+
+
+def _permitted(look: HeartbeatLook) -> bool:
+    return bool(int(look.permission) & I5_BACKGROUND)
+
+
+def _text(look: HeartbeatLook, machine: MachineProfile, dialect: Dialect, policy: Policy) -> Iterator[Problem]:
+    """Compare statements, not characters: each card has a spelling of its own for its listing."""
+    if look.listing is None:
+        yield Problem(code="heartbeat.plc_missing", key=PLC)
+        return
+    wanted = list(_statements(plc_lines(machine, dialect, policy)))
+    try:
+        found = list(_statements(look.listing))
+    except PmacError as unreadable:
+        yield Problem(code="heartbeat.plc_differs", key=PLC, value=unreadable.detail, limit=policy)
+        return
+    if found == wanted:
+        return
+    longest = max(len(found), len(wanted))
+    place = next(n for n in range(longest) if found[n : n + 1] != wanted[n : n + 1])
+    yield Problem(
+        code="heartbeat.plc_differs",
+        key=f"{PLC}:{place + 1}",
+        value=_written(found[place : place + 1]),
+        limit=_written(wanted[place : place + 1]),
+    )
+
+
+def _statements(lines: Iterable[str]) -> Iterator[PlcStatement]:
+    for line in lines:
+        yield from parse_plc_line(line)
+
+
+def _written(statements: Sequence[PlcStatement]) -> str:
+    return format_plc_line(tuple(statements)) or "-"
+
+
+def _definitions(look: HeartbeatLook, machine: MachineProfile, dialect: Dialect) -> Iterator[Problem]:
+    for number, wanted in definitions(machine, dialect).items():
+        said = look.definitions.get(number, "").rpartition("->")[2].strip()
+        if not _points_at(said, wanted, dialect):
+            yield Problem(
+                code="heartbeat.definition_differs",
+                key=f"M{number}",
+                value=said or "-",
+                limit="*" if wanted is None else str(wanted),
+            )
+
+
+def _points_at(said: str, wanted: Pointer | None, dialect: Dialect) -> bool:
+    scanner = Scanner(said)
+    try:
+        return scan_pointer(scanner, dialect.highest_address) == wanted and scanner.at_end
+    except PmacError:
+        return False
+
+
+def _echo(look: HeartbeatLook) -> Iterator[Problem]:
+    """A PLC that is forbidden or missing is known to be silent."""
+    before, after = look.pulses
+    if _permitted(look) and look.listing is not None and not after.echo > before.echo:
+        yield Problem(
+            code="heartbeat.plc_silent",
+            key=f"P{reserved.ECHO}",
+            value=format_number(after.echo),
+            limit=f"> {format_number(before.echo)}",
+        )
+
+
+def _lease(look: HeartbeatLook, dialect: Dialect) -> Iterator[Problem]:
+    """The lease of something that is guarded is not looked at: it is being renewed."""
+    if look.activity:
+        return
+    before, after = look.pulses
+    counted, name = before.lease - after.lease, lease_timer(dialect).name
+    if counted <= 0.0:
+        yield Problem(
+            code="heartbeat.lease_stands",
+            key=name,
+            value=format_number(after.lease),
+            limit=f"< {format_number(before.lease)}",
+        )
+        return
+    cycle_s = servo_cycle_ms(look.i10) / 1000.0
+    least = (1.0 - RATE_TOLERANCE) * (after.asked_s - before.answered_s) / cycle_s
+    most = (1.0 + RATE_TOLERANCE) * (after.answered_s - before.asked_s) / cycle_s
+    slow = counted < least and after.lease > 0.0  # at 0 it is kept from counting on
+    if slow or counted > most:
+        yield Problem(
+            code="heartbeat.lease_rate",
+            key=name,
+            value=f"{format_number(counted)} cycles",
+            limit=f"{least:.0f}..{most:.0f} cycles",
+        )
+
+
+def _state(look: HeartbeatLook) -> Iterator[Problem]:
+    if look.ending:
+        yield Problem(code="heartbeat.ending", key=PLC)
+    if look.lost:
+        yield Problem(code="heartbeat.lost", key=f"P{reserved.LOST}", value=_said(look.lost), limit="0")
+    if look.activity:
+        yield Problem(
+            code="heartbeat.guarding", key=f"P{reserved.ACTIVITY}", value=_said(look.activity), limit="0"
+        )
+
+
+def _said(activity: float) -> str:
+    names = {Activity.JOG: "jog", Activity.CUT: "cut"}
+    known = next((name for number, name in names.items() if number == activity), None)
+    return format_number(activity) if known is None else known

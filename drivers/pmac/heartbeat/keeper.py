@@ -1,0 +1,67 @@
+"""When the next lease is due, and the lines that a host sends: time in, lines out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from drivers.pmac import reserved
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat import registers
+from drivers.pmac.heartbeat.lease import LEASE_MS, PERIOD_MS, Activity, cycles_of, lease_line
+from drivers.pmac.heartbeat.plc import GRACE_MS, RUN_DOWN_MS
+from drivers.pmac.language.text import format_number
+
+NOTHING_GUARDED = f"P{reserved.ACTIVITY}={Activity.NOTHING:d}"
+"""Says that what was guarded has come to its end; the lease may run out then."""
+
+LOSS_SEEN = f"P{reserved.LOST}=0"
+"""Takes back the word that something was ended, when an operator has seen it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Keeper:
+    """The lease of a controller whose I10 is `i10`. `leased_at_s` is when the last was sent, host's time."""
+
+    dialect: Dialect
+    i10: float
+    leased_at_s: float | None = None
+
+    @property
+    def line(self) -> str:
+        """The line that renews the lease."""
+        return lease_line(self.dialect, self.i10)
+
+    def due_s(self, now_s: float) -> float:
+        """Return when the next renewal is to be sent."""
+        return now_s if self.leased_at_s is None else self.leased_at_s + PERIOD_MS / 1000.0
+
+    def lapsed(self, now_s: float) -> bool:
+        """Whether the last lease has run out: what it guarded was ended, and a new one brings nothing back.
+
+        A host that finds this, after a stall of its own, looks at the machine instead of renewing.
+        """
+        return self.leased_at_s is None or now_s - self.leased_at_s >= LEASE_MS / 1000.0
+
+    def renewed(self, now_s: float) -> Keeper:
+        """Note that `line`, or a line that begins with a lease, is being sent now."""
+        return replace(self, leased_at_s=now_s)
+
+    def jog_line(self) -> str:
+        """Return what stands in front of a jog or a home search, on its line."""
+        return f"{self.line} P{reserved.ACTIVITY}={Activity.JOG:d}"
+
+    def cut_line(
+        self, retracted_counts: float, grace_ms: float = GRACE_MS, run_down_ms: float = RUN_DOWN_MS
+    ) -> str:
+        """Return what stands in front of the start of a cut, on its line.
+
+        `retracted_counts` is where the tool is out of the part. `grace_ms` is what the program may need to get it
+        there, to the end of a turn and out; `run_down_ms` is what it may do behind that.
+        """
+        values = {
+            f"P{reserved.RETRACTED}": format_number(retracted_counts),
+            f"P{registers.GRACE}": cycles_of(grace_ms, self.i10),
+            f"P{registers.RUN_DOWN}": cycles_of(run_down_ms, self.i10),
+        }
+        said = " ".join(f"{name}={value}" for name, value in values.items())
+        return f"{said} {self.line} P{reserved.ACTIVITY}={Activity.CUT:d}"

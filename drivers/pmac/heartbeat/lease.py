@@ -1,0 +1,80 @@
+"""The lease: a timer of the card that counts down, and that the host keeps from running out.
+
+Two readers look at it: the PLC of the heartbeat, in the background, and the loop of a cutting program.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+from drivers.pmac import reserved
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.memory import WORD_BITS, Pointer
+from drivers.pmac.settings import servo_cycle_ms
+
+LEASE_MS = 300.0
+"""What one renewal is worth."""
+
+PERIOD_MS = 50.0
+"""Between two renewals: five may be lost or late."""
+
+MARGIN_MS = 20.0
+"""What is left of a lease when the PLC acts: with background cycles up to this, 300 ms are kept."""
+
+SYSTEM = 1
+"""The coordinate system whose timers are used, where they belong to one; it is always activated."""
+
+SERVO_PERIOD = 10
+"""I10: the servo period in 1/8388608 ms."""
+
+
+class Activity(IntEnum):
+    """What the lease guards."""
+
+    NOTHING = 0
+    JOG = 1
+    CUT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Timer:
+    """A variable that counts down one a servo cycle; `pointer` is what it must be defined as, None: it is one."""
+
+    name: str
+    pointer: Pointer | None = None
+
+
+def lease_timer(dialect: Dialect) -> Timer:
+    """Return the timer that is the lease."""
+    return _timer(dialect, 0)
+
+
+def wait_timer(dialect: Dialect) -> Timer:
+    """Return the timer that the PLC waits by."""
+    return _timer(dialect, 1)
+
+
+def cycles_of(time_ms: float, i10: float) -> int:
+    """Return the servo cycles that fit into a time; `i10` is the value of I10."""
+    return math.floor(time_ms / servo_cycle_ms(i10))
+
+
+def lease_line(dialect: Dialect, i10: float | None = None) -> str:
+    """Return the line that renews the lease; `i10` is what the card says, None the factory's."""
+    cycles = cycles_of(LEASE_MS, dialect.factory[SERVO_PERIOD] if i10 is None else i10)
+    return f"{lease_timer(dialect).name}={cycles}"
+
+
+def lease_condition(dialect: Dialect) -> str:
+    """Return what a cutting program adds to the condition of its loop, to end by itself without a host."""
+    return f"{lease_timer(dialect).name}>0"
+
+
+def _timer(dialect: Dialect, place: int) -> Timer:
+    if dialect.timer_numbers:
+        return Timer(f"I{dialect.system_index(SYSTEM, dialect.timer_numbers[place])}")
+    space, address = dialect.timer_words[place]
+    pointer = Pointer(space=space, address=address, width=WORD_BITS, signed=True)
+    return Timer(f"M{reserved.LEASE_TIMER + place}", pointer)

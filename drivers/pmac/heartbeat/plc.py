@@ -1,0 +1,228 @@
+"""The PLC that ends jogs and cuts when the lease runs out, as text for a machine, a family and a policy.
+
+It is written as one way from top to bottom with waits on it: where it stands is forgotten by a reset, so that a
+card that is switched on never goes on with what it was about to end. Each loss is answered once; a scan gives one
+command (CMD) at most, because the card puts them in a queue behind it.
+
+No command of it closes a loop: J/, J= and A would, so it gives them to loops that are closed in that very scan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+
+from drivers.pmac import reserved
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat import registers as r
+from drivers.pmac.heartbeat.lease import (
+    MARGIN_MS,
+    SERVO_PERIOD,
+    SYSTEM,
+    Activity,
+    cycles_of,
+    lease_timer,
+    wait_timer,
+)
+from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
+from drivers.pmac.language.text import format_plc_line
+from drivers.pmac.settings import settings_with
+from profiles.machine import MachineProfile
+
+GRACE_MS = 1100.0
+"""What a cut is given to take its tool out: a turn at 100 rpm, and a way of 2 mm at 10 mm/s."""
+
+RUN_DOWN_MS = 350.0
+"""What it is given beyond that to come to its end: with both, whatever it does, it is at rest within 2 s."""
+
+REST_LIMIT_MS = 500.0
+"""How long an aborted tool is waited for before it is sent out, which stops it first."""
+
+SETTLE_MS = 20.0
+"""How long after a command, or an end, the status of a motor is believed."""
+
+OUT_LIMIT_MS = 2000.0
+OUT_BAND_MM = 0.1
+"""How long the tool is waited for on its way out, and how near it counts as there."""
+
+
+class Policy(StrEnum):
+    """What becomes of a cut without a host."""
+
+    RETRACT = "retract"
+    """It ends at the end of its turn, with its own retract; one that does not is aborted."""
+
+    FINISH = "finish"
+    """It goes on to its end."""
+
+    STOP = "stop"
+    """It is aborted at once, and the tool goes out."""
+
+
+def plc_text(machine: MachineProfile, dialect: Dialect, policy: Policy) -> str:
+    """Return the text with its comments; a line of it is a line of the PLC."""
+    return "".join(f"{line}\n" for line in _Writer(machine, dialect, policy).lines())
+
+
+def plc_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> tuple[str, ...]:
+    """Return the lines as they are sent and stored, without comments."""
+    text = plc_text(machine, dialect, policy)
+    stored = (kept for line in text.splitlines() for kept in stored_lines(parse_plc_line(line)))
+    return tuple(format_plc_line(line) for line in stored)
+
+
+def set_up_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> tuple[str, ...]:
+    """Return the lines that put the heartbeat on a card, for a machine at rest; none of them moves anything.
+
+    The permission for PLCs, I5, is not among them: it lets every other PLC of the card run, too. Nor is a loss
+    that nobody has seen taken back.
+    """
+    number = reserved.HEARTBEAT_PLC
+    return (
+        "CLOSE",
+        f"DISABLE PLC{number}",
+        *r.definition_lines(machine, dialect),
+        f"P{reserved.ACTIVITY}={Activity.NOTHING:d}",
+        f"OPEN PLC{number}",
+        "CLEAR",
+        *plc_lines(machine, dialect, policy),
+        "CLOSE",
+        f"ENABLE PLC{number}",
+    )
+
+
+class _Writer:
+    """The parts of the text, each a few lines."""
+
+    def __init__(self, machine: MachineProfile, dialect: Dialect, policy: Policy) -> None:
+        self._machine = machine
+        self._policy = policy
+        self._motors = r.motors(machine)
+        self._lease, self._timer = lease_timer(dialect).name, wait_timer(dialect).name
+        self._i10 = settings_with(machine.controller.variables, dialect)[SERVO_PERIOD]
+
+    def lines(self) -> Iterator[str]:
+        lease, activity, lost = self._lease, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
+        yield f"; policy {self._policy}: {lease} is the lease, {activity} what it guards: 1 a jog, 2 a cut"
+        yield f"{self._echo} ; the host sees that this runs"
+        yield f"P{r.ENDING}=0 ; nothing is being ended"
+        yield f"IF({lease}<0)"
+        yield f"{lease}=0 ; it would count on down, and roll over some day"
+        yield "ENDIF"
+        yield f"IF({activity}>0 AND {lease}<{self._cycles(MARGIN_MS) + 1}) ; the host is silent"
+        yield f"{lost}={activity}"
+        yield f"{activity}=0 ; so this comes once"
+        yield f"P{r.ENDING}=1"
+        yield from self._look_at_loops()
+        yield f"IF({lost}={Activity.JOG:d})"
+        yield from self._end_jog()
+        if self._policy is not Policy.FINISH:
+            yield "ELSE"
+            yield from self._end_cut()
+        yield "ENDIF"
+        yield "ENDIF"
+
+    @property
+    def _echo(self) -> str:
+        return f"P{reserved.ECHO}=P{reserved.ECHO}+1"
+
+    @property
+    def _busy(self) -> str:
+        """A program that has calculated its last move runs no more, while that is still being played."""
+        return f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
+
+    @property
+    def _tool_counts(self) -> str:
+        scale = f"(I{self._machine.tool.motor}08*32)"
+        return f"(M{r.TOOL_ACTUAL}+M{r.TOOL_BIAS})/{scale}"
+
+    @property
+    def _nearly_out(self) -> str:
+        return f"P{reserved.RETRACTED}+{round(OUT_BAND_MM * self._machine.tool.counts_per_mm)}"
+
+    @property
+    def _still_in(self) -> str:
+        return f"{self._tool_counts}>{self._nearly_out}"
+
+    def _cycles(self, time_ms: float) -> int:
+        return cycles_of(time_ms, self._i10)
+
+    def _look_at_loops(self) -> Iterator[str]:
+        shares = (
+            f"{'' if bit == 1 else f'{bit}*'}(1-M{r.OPEN_LOOP[bit]})*M{r.AMPLIFIER[bit]}" for bit in self._motors
+        )
+        names = {r.TOOL: "tool", r.SPINDLE: "spindle", r.CARRIAGE: "carriage"}
+        said = ", ".join(f"{bit} {names[bit]}" for bit in self._motors)
+        yield f"P{r.CLOSED}={'+'.join(shares)} ; closed loops: {said}"
+
+    def _end_jog(self) -> Iterator[str]:
+        """Every closed motor stops with one command; which they are is one of a few cases."""
+        everything = sum(self._motors)
+        for closed in range(everything, 0, -1):
+            if closed & ~everything:
+                continue
+            stops = "".join(f"#{motor}J/" for bit, motor in self._motors.items() if bit & closed)
+            yield f"IF(P{r.CLOSED}={closed})"
+            yield f'CMD"{stops}"'
+            yield "ENDIF"
+
+    def _end_cut(self) -> Iterator[str]:
+        if self._policy is Policy.RETRACT:
+            yield f"M{reserved.HOLD_FLAG}=1 ; end at the end of this turn"
+            yield f"{self._timer}=P{r.GRACE}+P{r.RUN_DOWN}"
+            left = f"{self._timer}>P{r.RUN_DOWN} OR {self._timer}>0 AND {self._tool_counts}!>{self._nearly_out}"
+            yield from self._wait(self._busy, left)
+            yield from self._look_at_loops()
+        yield f"P{r.TAKE_OUT}=0"
+        yield f"IF({self._busy})"
+        yield from self._abort()
+        yield "ENDIF"
+        yield f"IF(P{r.CLOSED}!={self._needed}) ; a loop has tripped, or was opened: the program is over"
+        yield f"P{r.TAKE_OUT}=1"
+        yield "ENDIF"
+        yield from self._take_out()
+        yield from self._stop_spindle()
+
+    @property
+    def _needed(self) -> int:
+        """The loops that are closed while a program runs."""
+        return sum(self._motors)
+
+    def _abort(self) -> Iterator[str]:
+        yield f"P{r.TAKE_OUT}=1"
+        yield f"IF(P{r.CLOSED}={self._needed})"
+        yield f'CMD"&{SYSTEM}A"'
+        yield "ELSE"
+        yield f'CMD"&{SYSTEM}Q" ; A would close what is open'
+        yield "ENDIF"
+        yield f"{self._timer}={self._cycles(REST_LIMIT_MS)} ; the tool comes to rest"
+        seen = self._cycles(REST_LIMIT_MS) - self._cycles(SETTLE_MS)
+        unseen = f"M{r.TOOL_STILL}=0 AND M{r.OPEN_LOOP[r.TOOL]}=0 OR {self._timer}>{seen}"
+        yield from self._wait(unseen, f"{self._timer}>0")
+
+    def _take_out(self) -> Iterator[str]:
+        tool = self._machine.tool.motor
+        yield f"IF(P{r.TAKE_OUT}=1 AND M{r.OPEN_LOOP[r.TOOL]}=0 AND M{r.AMPLIFIER[r.TOOL]}=1)"
+        yield f"AND(M{r.TOOL_HOMED}=1 AND {self._still_in}) ; never towards the work"
+        yield f"M{r.TOOL_TARGET}=P{reserved.RETRACTED}"
+        yield f'CMD"#{tool}J=*"'
+        yield f"{self._timer}={self._cycles(OUT_LIMIT_MS)}"
+        yield from self._wait(f"{self._still_in} AND M{r.OPEN_LOOP[r.TOOL]}=0", f"{self._timer}>0")
+        yield "ENDIF"
+
+    def _stop_spindle(self) -> Iterator[str]:
+        if r.SPINDLE not in self._motors:
+            return
+        yield f"{self._timer}={self._cycles(SETTLE_MS)} ; what has just come to rest is seen at rest"
+        yield from self._wait(f"{self._timer}>0")
+        closed = f"M{r.OPEN_LOOP[r.SPINDLE]}=0 AND M{r.AMPLIFIER[r.SPINDLE]}=1"
+        yield f"IF({closed} AND M{r.SPINDLE_STILL}=0 AND M{r.SPINDLE_ABORTING}=0)"
+        yield f'CMD"#{self._motors[r.SPINDLE]}J/" ; one that is not the program\'s'
+        yield "ENDIF"
+
+    def _wait(self, *conditions: str) -> Iterator[str]:
+        """All of the conditions have to hold; each of them is a line of its own, and so a unit."""
+        for word, condition in zip(("WHILE", *("AND",) * len(conditions)), conditions, strict=False):
+            yield f"{word}({condition})"
+        yield self._echo
+        yield "ENDWHILE"

@@ -1,0 +1,106 @@
+"""Looking at the heartbeat on a card: what is asked, and the lease that is written to see it count."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from drivers.errors import ControllerError
+from drivers.pmac import reserved
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat import registers
+from drivers.pmac.heartbeat.lease import SERVO_PERIOD, lease_line, lease_timer
+from drivers.pmac.heartbeat.registers import definitions
+from drivers.pmac.language.errors import ErrorCode
+from profiles.machine import MachineProfile
+
+PERMISSION = 5
+"""I5: which PLCs may run."""
+
+BETWEEN_PULSES_S = 0.1
+"""Between the two looks at echo and lease: several background cycles, and well within a lease."""
+
+LIST_TIMEOUT_S = 10.0
+"""For the whole text over a slow line."""
+
+ITEMS_PER_LINE = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pulse:
+    """The echo of the PLC and the lease, read in one request between two times of the host."""
+
+    asked_s: float
+    answered_s: float
+    echo: float
+    lease: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeartbeatLook:
+    """What was read. `listing` is None when there is no such PLC; `definitions` are the answers by M-variable.
+
+    `pulses` were read in this order, behind a lease that was written if nothing was guarded.
+    """
+
+    permission: float
+    i10: float
+    activity: float
+    lost: float
+    ending: float
+    definitions: Mapping[int, str]
+    listing: tuple[str, ...] | None
+    pulses: tuple[Pulse, Pulse]
+
+
+def read_heartbeat(client: PmacClient, clock: Clock, machine: MachineProfile, dialect: Dialect) -> HeartbeatLook:
+    """Look at the heartbeat. The lease is the only thing that is written, and nothing while something is guarded.
+
+    Raises:
+        DriverError: the link broke, or the controller refused a question.
+    """
+    names = (reserved.ACTIVITY, reserved.LOST, registers.ENDING)
+    i5, i10, activity, lost, ending = client.numbers(
+        f"I{PERMISSION}", f"I{SERVO_PERIOD}", *(f"P{number}" for number in names), again=True
+    )
+    found = _read_definitions(client, tuple(definitions(machine, dialect)))
+    listing = _read_listing(client)
+    if not activity:
+        client.request(lease_line(dialect, i10))
+    first = _pulse(client, clock, dialect)
+    clock.wait(BETWEEN_PULSES_S)
+    return HeartbeatLook(
+        permission=i5,
+        i10=i10,
+        activity=activity,
+        lost=lost,
+        ending=ending,
+        definitions=found,
+        listing=listing,
+        pulses=(first, _pulse(client, clock, dialect)),
+    )
+
+
+def _read_definitions(client: PmacClient, numbers: tuple[int, ...]) -> dict[int, str]:
+    found: dict[int, str] = {}
+    for start in range(0, len(numbers), ITEMS_PER_LINE):
+        batch = numbers[start : start + ITEMS_PER_LINE]
+        found.update(zip(batch, client.query(*(f"M{number}->" for number in batch), again=True), strict=True))
+    return found
+
+
+def _read_listing(client: PmacClient) -> tuple[str, ...] | None:
+    try:
+        return client.question(f"LIST PLC{reserved.HEARTBEAT_PLC}", LIST_TIMEOUT_S)
+    except ControllerError as refused:
+        if refused.error_number == ErrorCode.DATA_ERROR:
+            return None
+        raise
+
+
+def _pulse(client: PmacClient, clock: Clock, dialect: Dialect) -> Pulse:
+    asked_s = clock.now_s()
+    echo, lease = client.numbers(f"P{reserved.ECHO}", lease_timer(dialect).name, again=True)
+    return Pulse(asked_s=asked_s, answered_s=clock.now_s(), echo=echo, lease=lease)

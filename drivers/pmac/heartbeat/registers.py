@@ -1,0 +1,94 @@
+"""What the PLC of the heartbeat sees of the card, and the variables that it keeps beside the reserved ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers.pmac import reserved
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat.lease import SYSTEM, lease_timer, wait_timer
+from drivers.pmac.memory import Pointer
+from profiles.machine import MachineProfile
+
+ENDING = 1006
+"""P-variable: 1 while the PLC is about to end something."""
+
+GRACE = 1007
+"""P-variable: servo cycles that a cut has to take its tool out by itself, before it is aborted."""
+
+CLOSED = 1008
+"""P-variable: the loops that are closed, 1 tool, 2 spindle, 4 carriage."""
+
+TAKE_OUT = 1009
+"""P-variable: 1 when the tool has to be taken out of the part."""
+
+RUN_DOWN = 1010
+"""P-variable: servo cycles more that it has, once its tool is out, to come to its end."""
+
+TOOL, SPINDLE, CARRIAGE = 1, 2, 4
+"""The bits of `CLOSED`."""
+
+RUNNING = 1000
+OPEN_LOOP = {TOOL: 1001, SPINDLE: 1002, CARRIAGE: 1003}
+AMPLIFIER = {TOOL: 1004, SPINDLE: 1005, CARRIAGE: 1006}
+TOOL_STILL, TOOL_IN_MOVE = 1007, 1008
+TOOL_ACTUAL, TOOL_BIAS, TOOL_TARGET = 1009, 1010, 1011
+SPINDLE_STILL, SPINDLE_ABORTING = 1012, 1013
+TOOL_HOMED = 1014
+"""M-variables: status bits, and registers of the tool in 1/(Ix08 x 32) count, but for its target in counts."""
+
+
+def motors(machine: MachineProfile) -> dict[int, int]:
+    """Return the motors that the card moves, by their bit: a spindle on an inverter is none of them."""
+    axes = {TOOL: machine.tool.motor, SPINDLE: machine.spindle.motor, CARRIAGE: machine.carriage.motor}
+    if machine.spindle.drive != "servo":
+        del axes[SPINDLE]
+    return axes
+
+
+def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer | None]:
+    """Return what each M-variable of the heartbeat points at; None: it is a plain value."""
+    tool, spindle = machine.tool.motor, machine.spindle.motor
+    found: dict[int, Pointer | None] = {reserved.HOLD_FLAG: None}
+    for timer in (lease_timer(dialect), wait_timer(dialect)):
+        if timer.pointer is not None:
+            found[int(timer.name[1:])] = timer.pointer
+    found[RUNNING] = _system_bit(dialect, "running_program")
+    for bit, motor in motors(machine).items():
+        found[OPEN_LOOP[bit]] = _motor_bit(dialect, motor, "open_loop")
+        found[AMPLIFIER[bit]] = _motor_bit(dialect, motor, "amplifier_enabled")
+    found[TOOL_STILL] = _motor_bit(dialect, tool, "desired_velocity_zero")
+    found[TOOL_IN_MOVE] = _motor_bit(dialect, tool, "move_timer_active")
+    found[TOOL_ACTUAL] = _register(dialect, tool, "actual")
+    found[TOOL_BIAS] = _register(dialect, tool, "bias")
+    found[TOOL_TARGET] = _register(dialect, tool, "variable_jog")
+    found[TOOL_HOMED] = _motor_bit(dialect, tool, "home_complete")
+    if SPINDLE in motors(machine):
+        found[SPINDLE_STILL] = _motor_bit(dialect, spindle, "desired_velocity_zero")
+        found[SPINDLE_ABORTING] = _motor_bit(dialect, spindle, "abort_deceleration")
+    return dict(sorted(found.items()))
+
+
+def definition_lines(machine: MachineProfile, dialect: Dialect) -> Iterator[str]:
+    """Give the lines that define them."""
+    for number, pointer in definitions(machine, dialect).items():
+        yield f"M{number}->{'*' if pointer is None else pointer}"
+
+
+def _motor_bit(dialect: Dialect, motor: int, name: str) -> Pointer:
+    word, bit = dialect.motor_bits[name]
+    register = dialect.registers[f"motor_status_{word}"]
+    address = register.address + (motor - 1) * register.stride
+    return Pointer(space=register.space, address=address, offset=bit, width=1)
+
+
+def _system_bit(dialect: Dialect, name: str) -> Pointer:
+    word, bit = dialect.system_bits[name]
+    register = dialect.registers[f"system_status_{word}"]
+    address = register.address + (SYSTEM - 1) * register.stride
+    return Pointer(space=register.space, address=address, offset=bit, width=1)
+
+
+def _register(dialect: Dialect, motor: int, name: str) -> Pointer:
+    register = dialect.registers[name]
+    return Pointer(space=register.space, address=register.address + (motor - 1) * register.stride)

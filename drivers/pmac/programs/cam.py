@@ -1,0 +1,223 @@
+"""The cut with the lobe in a compensation table: the program holds the depth and feeds, the table does the rest.
+
+The carriage goes back to a row of zeros, where the table is switched on, and forth again; so the amplitude grows
+with Z, clear of the part. In the end it goes back there, and the table is switched off when its register reads 0:
+what is in it at that moment would stay added to the tool. Between the two the tool is on the lobe at any speed of
+the spindle, and also when it stands.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers.pmac.compensation.table_text import table_lines
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.cam_table import Cam
+from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S
+from drivers.pmac.programs.setup import HOLD_FLAG, SERVO, CutSetup, refuse_endless
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+PROGRAM_NUMBER = 3
+
+SEGMENT_MS = 8
+"""Moves of the feed; the end of a turn is looked for once in one."""
+
+Z_SPEED_MM_S = 10.0
+"""Of the carriage on its way between the row of zeros and the part."""
+
+Z_RAMP_MS = 100
+SETTLE_MS = 200
+LOOK_MS = 20
+MOST_LOOKS = 25
+"""How often the register is looked at, so many ms apart, until it reads 0; then the table stays on."""
+
+COMPENSATION = 69
+"""M-variable of a motor, Mx69, that the manuals suggest for the register of its correction."""
+
+
+def correction_register(machine: MachineProfile) -> str:
+    """Return the M-variable of the register that holds what is added to the tool."""
+    return f"M{100 * machine.tool.motor + COMPENSATION}"
+
+
+def register_definition(machine: MachineProfile, dialect: Dialect) -> str:
+    """Return the line that points that variable at the register."""
+    register = dialect.registers["compensation"]
+    address = register.address + (machine.tool.motor - 1) * register.stride
+    return f"{correction_register(machine)}->{register.space}:${address:X}"
+
+
+def cam_program(job: Job, machine: MachineProfile, setup: CutSetup, cam: Cam, dialect: Dialect) -> str:
+    """Return the text of the program, with the lines that set the table up in front of it.
+
+    It starts with the tool retracted and the carriage clear of the part, and ends in the row of zeros.
+
+    Raises:
+        ProblemError: `program.too_long`.
+    """
+    turn_ms = 60_000.0 / job.spindle_speed_rpm
+    segment_ms = max(1, min(SEGMENT_MS, math.floor(turn_ms)))
+    refuse_endless(setup.whole_turns * turn_ms / segment_ms)
+    turns = segment_ms / turn_ms
+    spindle = setup.counts_per_turn / turn_ms  # counts/ms
+    way_mm = (cam.mean - setup.retracted) * setup.tool_count_um / 1000.0
+    approach_ms = math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
+    number = format_number
+    values = {
+        **_table_values(machine, setup, cam, dialect),
+        "job": job.name,
+        "rpm": number(job.spindle_speed_rpm),
+        "spindle_step": number(setup.counts_per_turn * turns),
+        "spindle_speed": number(1000.0 * spindle),
+        "spindle_start": number(setup.spindle_start),
+        "before": number(spindle * (HALF_RUN_UP_MS + approach_ms)),
+        "feed_step": number(setup.carriage_per_turn * turns),
+        "feed_speed": number(1000.0 * setup.carriage_per_turn / turn_ms),
+        "out": number(setup.retracted),
+        "z": number(setup.carriage_start),
+        "turns": setup.whole_turns,
+        "turn": number(turn_ms / segment_ms),
+        "half": HALF_RUN_UP_MS,
+        "approach": approach_ms,
+        "segment": segment_ms,
+        "flag": HOLD_FLAG,
+        "go_on": setup.go_on,
+        "program": PROGRAM_NUMBER,
+    }
+    return (_TURNED if machine.spindle.drive == SERVO else _FOLLOWED).format(**values)
+
+
+def _table_values(machine: MachineProfile, setup: CutSetup, cam: Cam, dialect: Dialect) -> dict[str, object]:
+    """Return what the lines about the table and about the way to its row of zeros are filled with."""
+    back = setup.carriage_start - cam.zero_z
+    return {
+        "error": f"{cam.chord_error_um:.4f}",
+        "bytes": cam.bytes_to_send,
+        "tool": machine.tool.motor,
+        "table": "\n".join(table_lines(cam.table)),
+        "register": correction_register(machine),
+        "definition": register_definition(machine, dialect),
+        "mean": format_number(cam.mean),
+        "zero_z": format_number(cam.zero_z),
+        "z_ms": _way_ms(back, machine),
+        "home_ms": _way_ms(back + setup.carriage_counts, machine),
+        "z_ramp": Z_RAMP_MS,
+        "z_s": Z_RAMP_MS // 4,
+        "settle": SETTLE_MS,
+        "look": LOOK_MS,
+        "looks": MOST_LOOKS,
+    }
+
+
+def _way_ms(counts: float, machine: MachineProfile) -> int:
+    return math.ceil(counts / machine.carriage.counts_per_mm / Z_SPEED_MM_S * 1000.0)
+
+
+_SET_UP = """\
+; {job}: the lobe by a compensation table. x tool, {spindle_words}z carriage; all in counts.
+; The straight lines between the entries are within {error} um of the sinusoid; {bytes} bytes of entries.
+ENDGATHER
+DELETE GATHER
+#{tool} DELETE COMP
+{table}
+{definition} ; what the table adds to the tool
+P11={mean} ; tool at the mean depth, with the constant of the table
+{spindle_values}P18={feed_step} ; carriage counts in one segment
+P19={feed_speed} ; carriage speed, counts/s, at {rpm} rpm
+P20={out} ; tool retracted
+P21={z} ; carriage clear of the part, the amplitude is whole
+P23={turns} ; turns of the cut
+P32={turn} ; segments in one turn
+P35={zero_z} ; carriage in the row of zeros
+CLOSE
+OPEN PROG {program}
+CLEAR
+{flag}=0 ; the host sets it to end the cut at the end of a turn
+IF(I51=0 AND {register}=0) ; nothing is added to the tool, or nothing moves
+ABS
+LINEAR TA{z_ramp} TS{z_s} TM{z_ms} ; to the row of zeros
+X(P20) Z(P35)
+DWELL{settle}
+I51=1 ; the table is on, and adds nothing here
+TM{z_ms} Z(P21) ; the amplitude grows
+DWELL0
+"""
+
+_CUT = """\
+PVT{segment}
+P25=0
+P30=0 ; turns begun
+P31=0 ; the segment in which the present turn ends
+WHILE(P25<P31 OR {go_on} AND P30<P23)
+IF(P25!<P31)
+P30=P30+1
+P31=P30*P32-0.5
+ENDIF
+P25=P25+1
+X(P11):0{y} Z(P21+P18*P25):(P19)
+ENDWHILE
+P29=P21+P18*P25 ; carriage at the end of the cut
+P33=0
+IF(P30>0) P33=P19
+PVT{approach} ; the tool goes out, the carriage comes to rest
+"""
+
+_END = """\
+DWELL0
+LINEAR TA{z_ramp} TS{z_s} TM{home_ms} ; back to the row of zeros
+Z(P35)
+DWELL{settle}
+P34=0
+WHILE({register}!=0 AND P34<{looks})
+P34=P34+1
+DWELL{look}
+ENDWHILE
+IF({register}=0) I51=0 ; the table is off; what the register holds would stay added
+ENDIF
+CLOSE
+"""
+
+_TURNED = (
+    _SET_UP.replace("{spindle_words}", "y spindle, ").replace(
+        "{spindle_values}",
+        """\
+P16={spindle_step} ; spindle counts in one segment
+P17={spindle_speed} ; spindle speed, counts/s
+P22={spindle_start} ; spindle at the start
+P28=P22+{before} ; spindle at the first segment
+""",
+    )
+    + """\
+PVT{half} ; the spindle runs up
+X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
+X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
+PVT{approach} ; the tool goes to its mean depth, clear of the part
+X(P11):0 Y(P28):(P17) Z(P21):0
+"""
+    + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)")
+    + """\
+P30=P28+P16*P25+P17*{approach}/1000
+P29=P29+P33*{approach}/3000
+X(P20):0 Y(P30):(P17) Z(P29):0
+PVT{half} ; the spindle runs down
+X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
+X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
+"""
+    + _END
+)
+
+_FOLLOWED = (
+    _SET_UP.replace("{spindle_words}", "").replace("{spindle_values}", "")
+    + """\
+PVT{approach} ; the tool goes to its mean depth, clear of the part
+X(P11):0 Z(P21):0
+"""
+    + _CUT.replace("{y}", "")
+    + """\
+P29=P29+P33*{approach}/3000
+X(P20):0 Z(P29):0
+"""
+    + _END
+)

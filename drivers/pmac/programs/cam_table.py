@@ -1,0 +1,120 @@
+"""The lobe as a compensation table: along a row the angle of the spindle, from row to row its size with Z.
+
+The rows lie evenly over the whole travel of Z, so that no position is rolled over into another one. Those in front
+of the part are zeros, from one of them to the next the amplitude grows to its full value, clear of the part, and
+behind the cut they are zeros again. The table holds the cam less its value at the zero of the spindle; that
+constant is carried by the program.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
+from drivers.pmac.programs.setup import CutSetup
+from profiles.compensation import Sinusoid, chord_error, chord_scale
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProblemError
+
+CHORD_LIMIT_UM = 0.05
+"""What the straight lines between two entries may differ from the sinusoid."""
+
+ROW_MM = 10.0
+"""About the way of Z in which the amplitude grows."""
+
+ROWS_IN_FRONT = 2
+"""At least so many spacings of rows lie in front of the part: one of zeros, one in which the amplitude grows."""
+
+LEAST_ROW_MM = 0.5
+"""A shorter spacing leaves no place to stand in the row of zeros."""
+
+INSIDE_MM = 0.2
+"""How far in front of the last row of zeros the carriage stands for the switching."""
+
+BYTES_A_SECOND = 3840.0
+"""Of a serial line with 38400 baud, ten bits a byte."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cam:
+    """A table with what the program must know of it; positions in counts.
+
+    `mean` is where the program holds the tool, the table's constant included. Up to `zero_z` the carriage is in a
+    row of zeros, from `full_z` on the amplitude is whole. `chord_error_um` is what straight lines cost.
+    """
+
+    table: CompensationTable
+    mean: float
+    zero_z: float
+    full_z: float
+    chord_error_um: float
+
+    @property
+    def bytes_to_send(self) -> int:
+        """The entries as text, each with the space or the line end behind it."""
+        return sum(len(str(entry)) + 1 for entry in self.table.entries)
+
+
+def make_cam(machine: MachineProfile, setup: CutSetup, command: Sinusoid) -> Cam:
+    """Return the table that makes the tool follow `command` (um from the surface, infeed) by the spindle's angle.
+
+    Raises:
+        ProblemError: `program.no_zero_row`, there is no room in front of the part.
+    """
+    columns = column_count(command)
+    spacing, front, full, rows = _rows(machine, setup)
+    definition = TableDefinition(
+        motor=machine.tool.motor,
+        sources=(
+            TableSource(machine.spindle.motor, setup.counts_per_turn),
+            TableSource(machine.carriage.motor, rows * spacing),
+        ),
+        target=machine.tool.motor,
+        columns=columns,
+        rows=rows,
+    )
+    amplitude = command.amplitude_um / setup.tool_count_um * chord_scale(columns / command.lobes)
+    angle = 2.0 * math.pi * np.arange(columns + 1) / columns
+    wave = amplitude * np.cos(command.lobes * (angle - math.radians(command.crest_deg)))
+    gain = np.zeros(rows + 1)
+    gain[front : full + 1] = 1.0
+    entries = np.rint(PARTS_PER_COUNT * np.outer(gain, wave - wave[0])).astype(int).ravel()
+    return Cam(
+        table=definition.filled([int(entry) for entry in entries[1:]]),
+        mean=setup.surface + command.mean_um / setup.tool_count_um + float(wave[0]),
+        zero_z=(front - 1) * spacing - INSIDE_MM * machine.carriage.counts_per_mm,
+        full_z=front * spacing,
+        chord_error_um=command.amplitude_um * chord_error(columns / command.lobes),
+    )
+
+
+def column_count(command: Sinusoid) -> int:
+    """Return the fewest columns, the same number for each lobe, that keep the chords within their limit."""
+    points = 4
+    while command.amplitude_um * chord_error(points) > CHORD_LIMIT_UM:
+        points += 1
+    return points * command.lobes
+
+
+def _rows(machine: MachineProfile, setup: CutSetup) -> tuple[int, int, int, int]:
+    """Return the spacing in counts, the first and the last row of the whole amplitude, and how many spacings.
+
+    Raises:
+        ProblemError: `program.no_zero_row`.
+    """
+    carriage = machine.carriage
+    front = max(ROWS_IN_FRONT, round(setup.carriage_start / (ROW_MM * carriage.counts_per_mm)))
+    spacing = math.floor(setup.carriage_start / front)
+    least = LEAST_ROW_MM * carriage.counts_per_mm
+    if spacing < least:
+        here_mm = setup.carriage_start / carriage.counts_per_mm
+        value, limit = f"{here_mm:.2f} mm", f">= {ROWS_IN_FRONT * LEAST_ROW_MM:g} mm"
+        raise ProblemError(Problem(code="program.no_zero_row", key="overhang_mm", value=value, limit=limit))
+    # The carriage runs on for some turns while the tool goes out.
+    end = setup.carriage_start + setup.carriage_counts + setup.carriage_per_turn
+    full = math.ceil(end / spacing) + 1
+    travel = (carriage.travel_max_mm - carriage.travel_min_mm) * carriage.counts_per_mm
+    return spacing, front, full, max(full + 1, math.ceil(travel / spacing) + 1)

@@ -1,0 +1,245 @@
+"""`console controller` and `console doctor`: what they print, what they write, and with which exit code."""
+
+from __future__ import annotations
+
+import io
+import re
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import console as package
+from console.cli.card_access import Card
+from drivers.pmac.configuration.check import Group, Outcome
+from drivers.pmac.configuration.proofs.bench import NAMES
+from drivers.pmac.configuration.setting_names import Nature, keys
+from profiles.store import load_machine
+from tests.drivers.commissioned import Commissioned, commissioned, of_family
+
+Console = Callable[..., Any]
+LANGUAGES = ("en", "ko")
+
+
+@pytest.fixture(params=["pmac", "turbo"])
+def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Commissioned:
+    """The controller that the commands meet, on simulated time."""
+    machine = of_family(load_machine("lee-2001-lathe").machine, request.param)
+    made = commissioned(machine)
+
+    @contextmanager
+    def opened(_: object) -> Iterator[Card]:
+        version, kind = made.client.connect()
+        yield Card(
+            client=made.client,
+            stop=made.stop,
+            clock=made.sim,
+            machine=made.machine,
+            address="memory",
+            simulated=True,
+            version=version,
+            kind=kind,
+        )
+
+    for module in ("controller", "doctor"):
+        monkeypatch.setattr(f"console.cli.{module}.opened_card", opened)
+    return made
+
+
+def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the commands take the card for one of iron."""
+
+    @contextmanager
+    def opened(_: object) -> Iterator[Card]:
+        yield Card(
+            client=card.client,
+            stop=card.stop,
+            clock=card.sim,
+            machine=card.machine,
+            address="tcp:lathe:1",
+            simulated=False,
+            version="1.17",
+            kind="PMAC1",
+        )
+
+    monkeypatch.setattr("console.cli.doctor.opened_card", opened)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_doctor_is_green_on_a_fresh_card(console: Console, card: Commissioned, language: str) -> None:
+    said = console("doctor", "--lang", language)
+    assert (said.code, said.err) == (0, "")
+    assert "\n  ✗" not in said.out
+    assert said.out.count("✓") > 20
+    assert all(len(line) <= 80 for line in said.out.splitlines())
+    # A key without words shows itself.
+    assert not re.search(r"check\.|setting\.|card\.[a-z]|remedy\.", said.out)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_doctor_is_red_on_a_card_at_factory_settings(console: Console, card: Commissioned, language: str) -> None:
+    card.factory()
+    said = console("doctor", "--lang", language)
+    assert said.code == 1
+    flat = " ".join(said.out.split())
+    for word in ("I115", "0.25 counts/ms2 (50 mm/s2)", "192 rpm", "6.7136 mm, 2.098 s", "(I113)"):
+        assert word in flat, word
+    assert not re.search(r"check\.|setting\.|card\.[a-z]|remedy\.", said.out)
+
+
+def test_doctor_says_what_would_help(console: Console, card: Commissioned) -> None:
+    card.tell("I115=0.25")
+    flat = " ".join(console("doctor").out.split())
+    assert (
+        "✗ deceleration after a stop of the tool (I115) is 0.25 counts/ms2 (50 mm/s2): at the speed of the lobe"
+        " the tool runs on after a stop; wanted 40 counts/ms2 (8000 mm/s2); set it at the card with the drives"
+        " killed: the console never writes limits"
+    ) in flat
+
+
+def test_doctor_writes_nothing_without_prove(console: Console, card: Commissioned) -> None:
+    settings = dict(card.sim.controller.variables.settings())
+    assert console("doctor").code == 0
+    assert card.sim.controller.variables.settings() == settings
+    written = [line for line in card.lines if re.search(r"=|->.", line) and not re.fullmatch(r"[#\d?> -]+", line)]
+    allowed = re.compile(r"I3=2 I6=1( I4=0)?( I64=1)?.*|I4=0|P1001=\d+ P1001.*|")
+    assert [line for line in written if not allowed.fullmatch(line.strip("\x18\n "))] == []
+
+
+def test_doctor_proves_when_asked(console: Console, card: Commissioned) -> None:
+    said = console("doctor", "--prove", "--json")
+    assert said.code == 0
+    proofs = {c["code"]: c["outcome"] for c in said.json["checks"] if c["group"] == "proofs"}
+    assert proofs == {f"proof_{name}": "holds" for name in NAMES if name != "lease"} | {"unproven_lease": "noted"}
+
+
+def test_iron_is_not_moved_without_its_name(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real(card, monkeypatch)
+    said = console("doctor", "--prove")  # no terminal to ask at
+    assert (said.code, "--yes" in said.err) == (1, True)
+    terminal = io.StringIO("lee-2001\n")
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    said = console("doctor", "--prove")
+    assert said.code == 1
+    assert "lee-2001-lathe" in said.err
+    assert not any("J" in line or "OPEN" in line or "DEFINE" in line for line in card.lines)
+
+
+def test_iron_is_moved_when_its_name_is_typed(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real(card, monkeypatch)
+    terminal = io.StringIO("lee-2001-lathe\n")
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    assert console("doctor", "--prove").code == 0
+    assert "#2J/" in card.lines
+
+
+def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) -> None:
+    file = str(tmp_path / "card.pmac")
+    assert console("controller", "backup", file).code == 0
+    assert console("controller", "diff", file).code == 0
+    card.tell("I116=400")
+    said = console("controller", "diff", file)
+    assert said.code == 1
+    assert "400 counts/ms (80 mm/s), was 500 counts/ms (100 mm/s) (I116=500)" in " ".join(said.out.split())
+    again = console("controller", "backup", file)
+    assert (again.code, "exists" in again.err) == (1, True)
+    broken = tmp_path / "other.pmac"
+    broken.write_text("I116=400\n", encoding="ascii")
+    assert console("controller", "diff", str(broken)).code == 1
+
+
+def test_a_backup_of_another_family_is_refused(console: Console, card: Commissioned, tmp_path: Path) -> None:
+    from drivers.pmac.configuration.backup_text import backup_text
+    from drivers.pmac.configuration.configuration import Configuration
+
+    other = "turbo" if card.dialect.name == "pmac" else "pmac"
+    file = tmp_path / "other.pmac"
+    file.write_text(backup_text(Configuration(family=other, kind="K", version="1", settings={}), "D"), "ascii")
+    said = console("controller", "diff", str(file))
+    assert (said.code, other in said.err) == (1, True)
+
+
+def test_verify_tells_only_what_is_worth_telling(console: Console, card: Commissioned) -> None:
+    said = console("controller", "verify")
+    assert (said.code, "✓" in said.out) == (0, False)
+    card.tell("I51=1")
+    assert console("controller", "verify").code == 1
+    checks = console("controller", "verify", "--json").json["checks"]
+    assert [c["code"] for c in checks if c["outcome"] == "fails"] == ["compensation"]
+
+
+def test_apply_shows_first_and_sends_when_told(console: Console, card: Commissioned, data_folder: Path) -> None:
+    card.tell("I130=600", "I115=20")
+    card.line.heard = b""
+    said = console("controller", "apply")
+    assert (said.code, "I130=528   (now 600)" in said.out) == (0, True)
+    assert card.client.numbers("I130", "I115") == (600.0, 20.0)
+    folder = data_folder / "trilobe" / "backups"
+    assert not folder.exists()
+    said = console("controller", "apply", "--yes")
+    assert said.code == 0
+    assert card.client.numbers("I130", "I115") == (528.0, 20.0)
+    (backup,) = folder.iterdir()
+    assert "\nI130=600\n" in backup.read_text(encoding="utf-8")
+    assert b"SAV" not in card.line.heard
+
+
+def test_apply_writes_nothing_without_a_backup(console: Console, card: Commissioned, tmp_path: Path) -> None:
+    card.tell("I130=600")
+    blocked = tmp_path / "blocked"
+    blocked.mkdir()
+    (blocked / "backups").write_text("", encoding="ascii")  # a file where the folder would be
+    said = console("controller", "apply", "--yes", "--data", str(blocked))
+    assert (said.code, str(blocked) in said.err, len(said.err.splitlines())) == (1, True, 1)
+    assert "report" not in said.err  # it is no fault of the program
+    assert card.client.numbers("I130") == (600.0,)
+
+
+def test_apply_refuses_with_the_drives_on(console: Console, card: Commissioned) -> None:
+    card.tell("I130=600", "#1J/")
+    said = console("controller", "apply", "--yes")
+    assert (said.code, "#1" in said.err) == (1, True)
+    assert card.client.numbers("I130") == (600.0,)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("controller",), ("controller", "backup"), ("controller", "diff"), ("controller", "mend"), ("doctor", "x")],
+)
+def test_what_is_not_said_right_is_wrong_usage(console: Console, words: tuple[str, ...]) -> None:
+    said = console(*words)
+    assert (said.code, len(said.err.splitlines())) == (2, 1)
+
+
+def test_an_address_that_is_none_is_refused_before_anything_is_started(console: Console) -> None:
+    said = console("doctor", "--link", "parallel:1")
+    assert (said.code, "parallel:1" in said.err) == (1, True)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_everything_that_can_be_said_has_words(language: str) -> None:
+    (folder,) = package.__path__
+    words = tomllib.loads((Path(folder) / "text" / language / "controller.toml").read_text(encoding="utf-8"))
+    sources = Path(package.__file__ or "").parents[1] / "drivers" / "pmac" / "configuration"
+    code = "\n".join(path.read_text(encoding="utf-8") for path in sources.rglob("*.py"))
+    said = set(re.findall(r'(?:code=|told\(\s*|_check\([\w.]+, )"([a-z_]+)"', code))
+    said |= set(re.findall(r'"(\w+)" if \w+ else "\w+"', code)) | set(re.findall(r'if \w+ else "(\w+)"', code))
+    said |= {f"unproven_{name}" for name in NAMES} | {f"proof_{name}" for name in NAMES if name != "lease"}
+    said -= {"word", "own_time", "settings_hold", "timers_run"}  # these hold, or are none
+    missing = {
+        f"check.{name}" for name in said if f"check.{name}" not in words and f"check.{name}.holds" not in words
+    }
+    missing |= {f"setting.{key}{kind}" for key in keys() for kind in ("", ".effect")} - words.keys()
+    missing |= {f"remedy.{nature}" for nature in Nature} | {f"card.group.{group}" for group in Group}
+    assert sorted(missing - words.keys()) == []
+    assert len(said) > 40
+    assert {outcome.value for outcome in Outcome} == {"holds", "noted", "warned", "fails"}

@@ -1,0 +1,59 @@
+"""`console run --trace FILE`: the whole dialogue of a job, for a person to read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Console = Callable[..., Any]
+JOB = "lee-2001-experiment-1"
+LINE = re.compile(r"\d+\.\d{3} [><!*] \S.*")
+
+
+def test_a_job_is_traced_from_the_first_flush_to_the_end(console: Console, tmp_path: Path) -> None:
+    path = tmp_path / "trace"
+    said = console("run", JOB, "--sim", "--json", "--trace", str(path))
+    assert (said.code, said.err) == (0, "")
+    first, *lines = path.read_text(encoding="utf-8").splitlines()
+    assert re.fullmatch(rf"# \S+ run {JOB}", first)
+    assert [line for line in lines if not LINE.fullmatch(line)] == []
+    assert lines[0].endswith("> [^X]")
+    asked = [line.split(" > ", 1)[1] for line in lines if " > " in line]
+    # Both parts were connected to, a program was loaded, and run.
+    assert asked.count("[^X]") >= 2
+    assert "VERSION TYPE" in asked or "VERSION" in asked
+    assert any(line.startswith("OPEN PROG") for line in asked)
+    assert "CLOSE" in asked
+    assert any(line.endswith("< [ACK]") for line in lines)
+
+
+def test_without_room_for_it_nothing_begins(console: Console, tmp_path: Path) -> None:
+    said = console("run", JOB, "--sim", "--trace", str(tmp_path))
+    assert said.code == 1
+    assert said.out == ""
+    assert "Is a directory" in said.err.splitlines()[-1]
+
+
+def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
+    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from drivers.link.trace_file import TraceFile
+
+    written = 0
+
+    def write(file: TraceFile, line: str) -> None:
+        nonlocal written
+        written += 1
+        if written > 100:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(TraceFile, "write", write)
+    said = console("run", JOB, "--sim", "--json", "--trace", str(tmp_path / "trace"))
+    assert said.code == 0
+    assert [("No space left" in line) for line in said.err.splitlines()].count(True) == 1
+    assert said.json["after"]["RONt_um"] < 1.0
+    assert [warning for warning in said.json["warnings"] if "No space left" in warning] != []

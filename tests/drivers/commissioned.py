@@ -1,0 +1,89 @@
+"""A card with a client, and every byte that was said to it: for what is read, judged and written of a card."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.configuration.check import Check, Outcome
+from drivers.pmac.configuration.verification import Verification, verify
+from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.port import Port
+from drivers.stop import StopPath
+from profiles.machine import MachineProfile
+
+
+@dataclass(kw_only=True)
+class HeardPort:
+    """The card's end of the line; it keeps what is said to the card."""
+
+    port: Port
+    heard: bytes = b""
+
+    def receive(self, data: bytes) -> None:
+        self.heard += data
+        self.port.receive(data)
+
+    def take_output(self) -> bytes:
+        return self.port.take_output()
+
+
+@dataclass(kw_only=True)
+class Commissioned:
+    """One card of a machine, connected."""
+
+    machine: MachineProfile
+    sim: SimulatedLathe
+    line: HeardPort
+    link: MemoryLink
+    client: PmacClient
+    stop: StopPath = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.stop = StopPath(self.link)
+
+    @property
+    def dialect(self) -> Dialect:
+        return self.client.dialect
+
+    @property
+    def lines(self) -> list[str]:
+        """What was said since the connection stood, line by line."""
+        return self.line.heard.decode("latin-1").split("\r")[:-1]
+
+    def tell(self, *lines: str) -> None:
+        for each in lines:
+            self.client.request(each, lines=0)
+
+    def factory(self) -> None:
+        """Make the card what it was when it left the factory, and connect again."""
+        self.client.send("$$$***")
+        self.sim.wait(0.1)
+        self.client.connect()
+        self.line.heard = b""
+
+    def verify(self) -> Verification:
+        return verify(self.client, self.machine, self.dialect)
+
+    def findings(self) -> list[Check]:
+        """What does not hold, notes apart."""
+        return [check for check in self.verify().checks if check.outcome in (Outcome.WARNED, Outcome.FAILS)]
+
+
+def of_family(machine: MachineProfile, family: str) -> MachineProfile:
+    return replace(machine, controller=replace(machine.controller, family=family))
+
+
+def commissioned(machine: MachineProfile, watch: Callable[[SimulatedLathe], None] | None = None) -> Commissioned:
+    sim = SimulatedLathe(machine, dialect=DIALECTS[machine.controller.family])
+    if watch is not None:
+        watch(sim)
+    line = HeardPort(port=sim.connect())
+    link = MemoryLink(line, sim)
+    client = PmacClient(link, sim)
+    client.connect()
+    line.heard = b""
+    return Commissioned(machine=machine, sim=sim, line=line, link=link, client=client)

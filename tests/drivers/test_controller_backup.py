@@ -1,0 +1,241 @@
+"""A backup: what was read is in it, it can be sent to another card, and a changed one is noticed."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.errors import RefusedError
+from drivers.pmac.configuration.backup_reading import read_backup
+from drivers.pmac.configuration.backup_text import backup_text
+from drivers.pmac.configuration.comparison import differences
+from drivers.pmac.configuration.configuration import AxisEntry, Configuration
+from drivers.pmac.configuration.reading import read_configuration, whole_card
+from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.reserved import MARKER
+from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
+from tests.drivers.commissioned import Commissioned, commissioned, of_family
+from tests.drivers.families import machine as machine  # both families
+
+DATE = "2026-03-01T12:00:00+00:00"
+
+
+def dressed(machine: MachineProfile) -> Commissioned:
+    """A card with something of everything."""
+    card = commissioned(machine)
+    card.tell(
+        "I104=$C00C",
+        "I213=0",
+        "I5=2",
+        "M26->Y:$FFC2,8",
+        "M70..71->D:$28",
+        "M72->X:$700,0,24,S",
+        "&2#4->2000A+10",
+        "OPEN PLC3",
+        "CLEAR",
+        "P5=P5+1",
+        "CLOSE",
+        "OPEN PROG7",
+        "CLEAR",
+        "LINEAR F20 X10",
+        "DWELL0",
+        "CLOSE",
+        "#1DEFINE COMP 4,#2,#1,10000",
+        "16 32 48 0",
+    )
+    if card.dialect.conversion_table.first_setting is None:
+        card.tell("WY:$724,$C014")
+    else:
+        card.tell("I8004=$78108")
+    card.line.heard = b""
+    return card
+
+
+def read(card: Commissioned) -> Configuration:
+    return read_configuration(card.client, card.dialect, whole_card(card.dialect))
+
+
+def test_what_was_read_is_in_the_file(machine: MachineProfile) -> None:
+    card = dressed(machine)
+    found = read(card)
+    assert found.settings[104] == 0xC00C
+    assert found.axes == {
+        1: AxisEntry(1, "X"),
+        2: AxisEntry(1, "Y"),
+        3: AxisEntry(1, "Z"),
+        4: AxisEntry(2, "2000A+10"),
+    }
+    assert found.pointers == {26: "Y:$FFC2,8", 70: "D:$28", 71: "D:$28", 72: "X:$700,0,24,S"}
+    assert found.plcs == {3: ("P5=P5+1",)}
+    assert found.programs == {7: ("LINEAR F20 X10", "DWELL0")}
+    assert (found.tables[1].definition, found.tables[1].entry_count) == ("4,#2,#1,10000", 4)
+    backup = read_backup(backup_text(found, DATE), "file")
+    assert backup.configuration == found
+    assert backup.date == DATE
+    assert backup.configuration.fingerprint == found.fingerprint
+
+
+def test_reading_asks_and_writes_nothing_but_the_marker_of_the_link(machine: MachineProfile) -> None:
+    card = dressed(machine)
+    before = dict(card.sim.controller.variables.settings())
+    read(card)
+    marker = re.compile(rf"P{MARKER}=\d+ P{MARKER}")
+    assert [line for line in card.lines if "=" in line and not marker.fullmatch(line)] == []
+    assert card.sim.controller.variables.settings() == before
+
+
+def test_a_backup_can_be_sent_to_another_card(machine: MachineProfile) -> None:
+    first = dressed(machine)
+    kept = read(first)
+    other = commissioned(machine)
+    other.factory()
+    other.tell("UNDEFINE ALL")
+    for line in backup_text(kept, DATE).splitlines():
+        typed = line.partition(";")[0].strip()
+        if typed:
+            other.tell(typed)
+    again = read(other)
+    # The entries of tables are made anew for each job, and not sent back.
+    assert replace(again, tables=kept.tables) == kept
+    assert not again.tables
+    assert other.sim.controller.plcs.switches.enabled == frozenset()
+
+
+def test_a_limit_of_zero_stands_on_a_line_of_its_own_and_says_so(machine: MachineProfile) -> None:
+    text = backup_text(read(commissioned(machine)), DATE)
+    assert "\nI213=0 ; no limit\nI214=0 ; no limit\n" in text
+    zeros = [line for line in text.splitlines() if line.startswith("I") and line.endswith("=0") and ".." in line]
+    limits = {f"I{motor}{number}" for motor in range(1, 9) for number in (11, 13, 14, 15, 16, 17, 19)}
+    for line in zeros:
+        first, last = line.removesuffix("=0").removeprefix("I").split("..")
+        assert limits.isdisjoint(f"I{index}" for index in range(int(first), int(last) + 1)), line
+
+
+def test_addresses_are_written_as_addresses(machine: MachineProfile) -> None:
+    assert "\nI104=$C00C\n" in backup_text(read(dressed(machine)), DATE)
+
+
+@pytest.mark.parametrize("form", [0, 1, 2, 3])
+def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProfile, form: int) -> None:
+    card = dressed(machine)
+    plain = read(card)
+    card.tell(f"I9={form}")
+    found = read(card)
+    assert found.settings[9] == form
+    assert {**found.settings, 9: plain.settings[9]} == plain.settings
+    assert found.pointers == plain.pointers
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda text: text.replace("I116=500", "I116=5000"), "controller.backup_changed"),
+        (lambda text: text + "I51=1\n", "controller.backup_changed"),
+        (lambda text: text.partition("\n")[2], "controller.no_backup"),
+        (lambda text: text.replace("; ----\n", ""), "controller.no_backup"),
+        (
+            lambda text: text.replace("family pmac", "family power").replace("family turbo", "x"),
+            "controller.no_backup",
+        ),
+        (lambda text: "", "controller.no_backup"),
+    ],
+)
+def test_what_is_no_unchanged_backup_is_refused(machine: MachineProfile, change: object, code: str) -> None:
+    text = backup_text(read(commissioned(machine)), DATE)
+    assert callable(change)
+    with pytest.raises(ProfileError) as refused:
+        read_backup(change(text), "file")
+    assert refused.value.problems[0].code == code
+
+
+def test_somebody_who_enters_a_program_is_not_disturbed(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    stranger = card.sim.connect()
+    stranger.receive(b"OPEN PROG 5\r")
+    card.sim.wait(0.02)
+    with pytest.raises(RefusedError) as refused:
+        read(card)
+    assert refused.value.problems[0].code == "controller.entering"
+
+
+def test_what_a_password_hides_is_named(machine: MachineProfile) -> None:
+    card = dressed(machine)
+    card.tell("PASSWORD=abc", "SAVE")
+    card.client.send("$$$")
+    card.sim.wait(0.1)
+    card.client.connect()
+    found = read(card)
+    assert "PLC 3" in found.locked
+    assert read_backup(backup_text(found, DATE), "file").configuration == found
+
+
+@pytest.mark.parametrize(
+    ("line", "what"),
+    [
+        ("I115=39", "I115"),
+        ("I10=3713708", "I10"),
+        ("&1#1->2X", "#1->"),
+        ("M26->*", "M26->"),
+        ("OPEN PLC3 CLEAR P5=P5+2 CLOSE", "PLC 3:1"),
+        ("OPEN PROG7 DWELL1 CLOSE", "PROG 7:3"),
+        ("#1DELETE COMP", "#1 COMP"),
+    ],
+)
+def test_a_difference_is_named(machine: MachineProfile, line: str, what: str) -> None:
+    card = dressed(machine)
+    before = read(card)
+    for part in line.replace(" CLEAR", "\rCLEAR").replace(" P5", "\rP5").replace(" DWELL", "\rDWELL").split("\r"):
+        card.tell(*(["CLOSE"] if part == "CLOSE" else part.split(" CLOSE")[:1]))
+    card.tell("CLOSE")
+    found = differences(before, read(card), machine)
+    assert [check.facts.get("what_changed") or check.variable for check in found] == [what]
+
+
+def test_what_ordinary_work_changes_is_no_difference(machine: MachineProfile) -> None:
+    card = dressed(machine)
+    before = read(card)
+    gather = card.dialect.gathering
+    modal = card.dialect.system_index(1, 87)
+    card.tell(f"I{modal}=20", f"I{gather.period}=3", f"I{gather.masks[0]}=1", "P7=3", "I6=1")
+    now = read(card)
+    assert differences(before, now, machine) == []
+    assert now.fingerprint == before.fingerprint
+    card.tell("I115=39")
+    assert read(card).fingerprint != before.fingerprint
+
+
+def test_a_difference_is_told_in_the_words_of_the_machine(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    before = read(card)
+    card.tell("I115=0.25")
+    (found,) = differences(before, read(card), machine)
+    assert (found.setting, found.subject, found.variable) == ("abort_deceleration", "tool", "I115")
+    # 0.25 counts/ms2 at 0.2 um a count.
+    assert found.found == "0.25 counts/ms2 (50 mm/s2)"
+    assert found.wanted == "40 counts/ms2 (8000 mm/s2)"
+    assert found.facts["typed"] == "I115=40"
+
+
+VALUES = st.one_of(
+    st.just(0.0),
+    st.integers(-(2**31), 2**31).map(float),
+    st.decimals(-1000, 1000, places=6).map(float).map(lambda value: value + 0.0),
+)
+
+
+@given(
+    settings=st.dictionaries(st.integers(0, 1023).filter(lambda index: index not in (3, 4, 6, 63, 64)), VALUES),
+    family=st.sampled_from(sorted(DIALECTS)),
+)
+def test_any_settings_come_back(settings: dict[int, float], family: str) -> None:
+    configuration = Configuration(family=family, kind="K", version="1", settings=settings)
+    assert read_backup(backup_text(configuration, DATE), "file").configuration == configuration
+
+
+def test_both_families_are_there(machine: MachineProfile) -> None:
+    assert {of_family(machine, name).controller.family for name in DIALECTS} == {"pmac", "turbo"}

@@ -1,0 +1,199 @@
+"""What `doctor --prove` does: on a simulated card of either family everything holds, and nothing is left."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from drivers.errors import LinkError
+from drivers.pmac.configuration.check import Check, Outcome
+from drivers.pmac.configuration.proofs.bench import NAMES, ProofBench
+from drivers.pmac.configuration.proofs.motion import pvt_rounding, stop_from_jog
+from drivers.pmac.configuration.proofs.proving import prove
+from drivers.pmac.configuration.proofs.tables import compensation_edge, roll_over, table_zero
+from drivers.pmac.configuration.proofs.timing import servo_rate
+from drivers.pmac.configuration.reading import read_configuration, whole_card
+from drivers.simulator.leads import Leads
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.motor import Motor
+from drivers.stop import StoppedError
+from profiles.machine import MachineProfile
+from tests.drivers.commissioned import Commissioned, commissioned
+from tests.drivers.families import machine as machine  # both families
+
+LIMITS = re.compile(r"I[1-3](00|01|02|03|04|1[1-9]|24|25|6[379]|7\d|8[0-3])=")
+
+
+def proofs(card: Commissioned) -> dict[str, Check]:
+    checks = prove(card.client, card.stop, card.sim, card.verify())
+    return {check.code: check for check in checks}
+
+
+def bench(card: Commissioned) -> ProofBench:
+    judged = card.verify().judged
+    return ProofBench(client=card.client, stop=card.stop, clock=card.sim, judged=judged)
+
+
+def test_everything_holds_and_the_card_is_as_before(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell(f"M{card.dialect.highest_index}->Y:$5,3")
+    before = read_configuration(card.client, card.dialect, whole_card(card.dialect))
+    card.line.heard = b""
+    found = proofs(card)
+    assert {code for code, check in found.items() if check.outcome is Outcome.HOLDS} == {
+        f"proof_{name}" for name in NAMES if name != "lease"
+    }
+    assert found["unproven_lease"].outcome is Outcome.NOTED
+    assert [line for line in card.lines if LIMITS.match(line) or "SAV" in line] == []
+    assert not any(motor.amplifier_enabled for motor in card.sim.controller.motors.values())
+    assert all(motor.correction == 0.0 for motor in card.sim.controller.motors.values())
+    now = read_configuration(card.client, card.dialect, whole_card(card.dialect))
+    assert now == before
+
+
+def test_the_numbers_are_those_of_the_family(machine: MachineProfile) -> None:
+    found = proofs(commissioned(machine))
+    assert found["proof_source_delay"].found == "tool 1, carriage 0"  # the spindle is motor 2, between them
+    exact = machine.controller.family == "turbo"
+    assert found["proof_pvt_rounding"].wanted == ("10.4 ms" if exact else "10 ms")
+
+
+def test_nothing_is_proven_on_a_card_that_fails(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("I115=0")
+    verification = card.verify()
+    card.line.heard = b""
+    checks = prove(card.client, card.stop, card.sim, verification)
+    assert checks[0].code == "proofs_refused"
+    assert {check.outcome for check in checks[1:]} == {Outcome.NOTED}
+    assert card.line.heard == b""
+
+
+@pytest.mark.parametrize("lines", [("#3J/",), ("#1DEFINE COMP 2,#2,#1,10000", "16 0")])
+def test_nothing_is_proven_with_drives_on_or_with_somebodys_table(
+    machine: MachineProfile, lines: tuple[str, ...]
+) -> None:
+    card = commissioned(machine)
+    card.tell(*lines)
+    verification = card.verify()
+    card.line.heard = b""
+    assert prove(card.client, card.stop, card.sim, verification)[0].code == "proofs_refused"
+    assert card.line.heard == b""
+
+
+def test_a_stop_ends_the_proofs_with_every_drive_killed(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    verification = card.verify()
+    end = card.sim.now_s() + 3.0
+
+    class Watched:
+        def now_s(self) -> float:
+            return card.sim.now_s()
+
+        def wait(self, seconds: float) -> None:
+            card.sim.wait(seconds)
+            if card.sim.now_s() > end and card.stop.reason is None:
+                card.stop.stop("SIGINT")
+
+    with pytest.raises(StoppedError):
+        prove(card.client, card.stop, Watched(), verification)
+    assert not any(motor.amplifier_enabled for motor in card.sim.controller.motors.values())
+    assert card.sim.controller.variables.i(51) == 0.0
+    assert not card.sim.controller.tables.tables
+
+
+def test_a_servo_that_runs_at_another_rate_is_found(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("I10=4000000")
+    check = servo_rate(bench(card))
+    # The iron goes on at 442.7 us; 4000000 / 8388608 ms are 476.8 us.
+    assert (check.outcome, check.wanted) == (Outcome.FAILS, "476.84 us")
+    assert float(check.found.removesuffix(" us")) == pytest.approx(442.7, rel=0.02)
+
+
+def test_a_card_whose_correction_vanishes_with_the_switch_is_found(
+    machine: MachineProfile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look = Leads.look
+
+    def forgetful(self: Leads) -> bool:
+        if not self._variables.i(51):
+            for motor in self._motors.values():
+                motor.correction = 0.0
+        return look(self)
+
+    monkeypatch.setattr(Leads, "look", forgetful)
+    check = compensation_edge(bench(commissioned(machine)))
+    assert (check.outcome, check.found) == (Outcome.FAILS, "10, 0, 0")
+
+
+def test_a_card_on_which_the_zero_of_a_table_is_zero_is_found(
+    machine: MachineProfile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    correct = Leads.correct
+
+    def zeroed(self: Leads, motor: Motor) -> None:
+        correct(self, motor)
+        if motor.number in self._corrected:
+            motor.correction = 0.0
+
+    monkeypatch.setattr(Leads, "correct", zeroed)
+    check = table_zero(bench(commissioned(machine)))
+    assert (check.outcome, check.found, check.wanted) == (Outcome.FAILS, "0", "100")
+
+
+def test_a_spindle_at_its_zero_cannot_prove_the_roll_over(machine: MachineProfile) -> None:
+    assert roll_over(bench(commissioned(machine))).code == "unproven_roll_over"
+
+
+def closed(machine: MachineProfile) -> Commissioned:
+    card = commissioned(machine)
+    card.tell("#1J/", "#2J/", "#3J/")
+    return card
+
+
+def test_pvt_times_of_the_other_kind_are_found(machine: MachineProfile) -> None:
+    card = closed(machine)
+    made = bench(card)
+    if card.dialect.segment_time_switch is None:
+        return  # this family has only the one kind
+    card.tell(f"I{card.dialect.segment_time_switch}=1")
+    check = pvt_rounding(made)
+    assert (check.outcome, check.wanted) == (Outcome.FAILS, "10.4 ms")
+
+
+def test_somebodys_program_is_not_overwritten(machine: MachineProfile) -> None:
+    card = closed(machine)
+    made = bench(card)
+    card.tell("OPEN PROG999", "CLEAR", "DWELL1", "CLOSE")
+    assert pvt_rounding(made).code == "unproven_pvt_rounding"
+    assert card.client.request("LIST PROG999") == ("DWELL1",)
+
+
+def test_a_loop_that_has_opened_is_not_closed_by_the_stop(machine: MachineProfile) -> None:
+    card = closed(machine)
+    made = bench(card)
+    card.tell("#1K")
+    card.line.heard = b""
+    assert stop_from_jog(made).outcome is Outcome.FAILS
+    assert (b"\x01" in card.line.heard, b"\x0b" in card.line.heard) == (False, True)
+    assert not card.sim.controller.motors[1].amplifier_enabled
+
+
+def test_a_spindle_that_runs_on_too_far_is_found(machine: MachineProfile) -> None:
+    card = closed(machine)
+    made = bench(card)
+    card.tell("I215=0.002")  # somebody has made it softer than what was read
+    check = stop_from_jog(made)
+    assert check.outcome is Outcome.FAILS
+    assert check.wanted == "<= 43.001 deg"
+
+
+def test_a_cable_that_is_cut_ends_the_proofs(machine: MachineProfile) -> None:
+    def cut(sim: SimulatedLathe) -> None:
+        sim.faults.inject("cut-cable", after_s=3.0)
+
+    card = commissioned(machine, cut)
+    with pytest.raises(LinkError):
+        proofs(card)

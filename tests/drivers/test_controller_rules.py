@@ -1,0 +1,264 @@
+"""What is verified before the first motion: a card that breaks a rule is told of, with value and limit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from drivers.pmac.configuration.card_state import CardState, state_checks
+from drivers.pmac.configuration.check import Check, Group, Outcome
+from drivers.pmac.configuration.stops import after_abort, after_jog_stop
+from drivers.pmac.dialect import Setting
+from drivers.pmac.trajectory.jog import JogSettings
+from profiles.machine import MachineProfile
+from tests.drivers.commissioned import Commissioned, commissioned
+from tests.drivers.families import machine as machine  # both families
+
+FRESH = {"plcs", "kills_all", "watchdog"}
+"""What a fresh card of the profile is warned of: no heartbeat yet, kill mode 00, on a Turbo the long watchdog."""
+
+
+def found(card: Commissioned, code: str, variable: str = "") -> Check:
+    checks = [check for check in card.findings() if check.code == code and variable in ("", check.variable)]
+    assert len(checks) == 1, (code, [(c.code, c.variable) for c in card.findings()])
+    return checks[0]
+
+
+def test_a_fresh_card_of_the_profile_holds(machine: MachineProfile) -> None:
+    findings = commissioned(machine).findings()
+    assert {check.outcome for check in findings} == {Outcome.WARNED}
+    assert {check.code for check in findings} <= FRESH
+
+
+def test_every_group_is_looked_at(machine: MachineProfile) -> None:
+    groups = [check.group for check in commissioned(machine).verify().checks]
+    assert list(dict.fromkeys(groups)) == [group for group in Group if group is not Group.PROOFS]
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "variable", "value", "wanted"),
+    [
+        # 0.25 counts/ms2 of 0.2 um; the lobe of 27.5 um at 50 Hz needs 137.5 (2 pi 0.05)^2 = 13.57.
+        ("I115=0.25", "soft_abort", "I115", "0.25 counts/ms2 (50 mm/s2)", "40 counts/ms2 (8000 mm/s2)"),
+        ("I115=0", "no_limit", "I115", "0 counts/ms2 (0 mm/s2)", "40 counts/ms2 (8000 mm/s2)"),
+        ("I117=0", "no_limit", "I117", "0 counts/ms2 (0 mm/s2)", "422 counts/ms2 (84400 mm/s2)"),
+        ("I111=0", "no_limit", "I111", "0 /16 counts (0 mm)", "8000 /16 counts (0.1 mm)"),
+        ("I113=0", "no_limit", "I113", "0 counts (0 mm)", "375000 counts (75 mm)"),
+        ("I314=0", "no_limit", "I314", "0 counts (0 mm)", "-5000 counts (-5 mm)"),
+        ("I113=400000", "beyond_travel", "I113", "400000 counts (80 mm)", "375000 counts (75 mm)"),
+        ("I216=32", "slow_spindle", "I216", "32 counts/ms (192 rpm)", "500 counts/ms (3000 rpm)"),
+        ("I169=20480", "too_much_current", "I169", "20480 bits (71.562 A)", "10531 bits (36.798 A)"),
+        ("I106=1", "following_on", "I106", "1", "0"),
+        ("I123=0", "never_homes", "I123", "0 counts/ms (0 mm/s)", "-10 counts/ms (-2 mm/s)"),
+        ("I120..121=0", "divides_by_zero", "I120", "0 ms", "100 ms"),
+        ("I180=1", "closes_at_power_up", "I180", "1", "0"),
+        ("I102=$C002 I202=$C002", "shared_output", "I202", "$C002", ""),
+        ("I51=1", "compensation", "I51", "1", "0"),
+        ("I130=529", "differs", "I130", "529", "528"),
+        ("I222=32", "factory", "I222", "32 counts/ms (192 rpm)", "16.667 counts/ms (100 rpm)"),
+        ("I15=1", "radians", "I15", "1", "0"),
+        ("M26->Y:$FFC2,8", "hold_flag", "M26->", "Y:$FFC2,8", "*"),
+        ("&1#1->2X", "axis", "#1->", "2X", "X"),
+        ("#3->0", "axis", "#3->", "0", "Z"),
+        ("&2#4->A", "axis", "#4->", "&2 A", "0"),
+        ("I400=1", "strange_motors", "", "I400", "0"),
+    ],
+)
+def test_what_breaks_a_rule_fails_by_name(
+    machine: MachineProfile, line: str, code: str, variable: str, value: str, wanted: str
+) -> None:
+    card = commissioned(machine)
+    card.tell(line)
+    check = found(card, code, variable)
+    assert (check.outcome, check.variable) == (Outcome.FAILS, variable)
+    assert (check.found, check.wanted) == (value, wanted)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "code"),
+    [(Setting.SEGMENT_MS, 5, "segments")],
+)
+def test_settings_with_another_number_in_each_family(
+    machine: MachineProfile, setting: Setting, value: int, code: str
+) -> None:
+    card = commissioned(machine)
+    index = card.dialect.index(setting)
+    card.tell(f"I{index}={value}")
+    assert found(card, code).variable == f"I{index}"
+
+
+def test_blending_and_time_base_of_the_coordinate_system(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell(f"I{card.dialect.system_index(1, 92)}=1")
+    assert found(card, "blending_off").outcome is Outcome.FAILS
+    source = card.dialect.conversion_table.first_address + 9
+    card.tell(f"I{card.dialect.system_index(1, 93)}=${source:X}")
+    assert found(card, "led_by_master").outcome is Outcome.FAILS
+
+
+def test_kill_mode_switches_and_fault_input_are_told(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    index = card.dialect.index(Setting.FLAG_MODE, 1)
+    card.tell(f"I{index}=$500000")
+    codes = {check.code for check in card.findings() if check.variable == f"I{index}"}
+    assert codes == {"fault_input_off"}
+    card.tell(f"I{index}=$20000")
+    codes = {check.code for check in card.findings() if check.variable == f"I{index}"}
+    assert codes == {"kills_all", "switches_off"}
+
+
+def test_a_kill_mode_of_its_own_is_not_warned_of(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    for motor in (1, 2, 3):
+        card.tell(f"I{card.dialect.index(Setting.FLAG_MODE, motor)}=$400000")
+    assert "kills_all" not in {check.code for check in card.findings()}
+
+
+@pytest.mark.parametrize(("value", "permitted"), [(0, False), (1, False), (2, True), (3, True)])
+def test_background_plcs_must_be_permitted(machine: MachineProfile, value: int, permitted: bool) -> None:
+    stated = {name: each for name, each in machine.controller.variables.items() if name != "I5"}
+    card = commissioned(replace(machine, controller=replace(machine.controller, variables=stated)))
+    card.tell(f"I5={value}")
+    if permitted:
+        assert "plcs" not in {check.code for check in card.findings()}
+    else:
+        assert (found(card, "plcs").outcome, found(card, "plcs").found) == (Outcome.WARNED, str(value))
+
+
+def test_a_profile_that_permits_background_plcs_is_told_once_that_the_card_does_not(
+    machine: MachineProfile,
+) -> None:
+    permitted = {**machine.controller.variables, "I5": 2}
+    card = commissioned(replace(machine, controller=replace(machine.controller, variables=permitted)))
+    card.tell("I5=0")
+    (check,) = [each for each in card.findings() if each.variable == "I5"]
+    assert (check.code, check.outcome, check.wanted) == ("plcs", Outcome.FAILS, "2")
+
+
+def test_the_watchdog_of_a_turbo_is_told_in_ms(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    if card.dialect.watchdog.number is None:
+        assert "watchdog" not in {check.code for check in card.verify().checks}
+        return
+    check = found(card, "watchdog")
+    # 4095 cycles of 442.7 us; 226 of them are 100 ms.
+    assert (check.facts["time"], check.wanted) == ("1812.9 ms", "226")
+    card.tell("I40=226")
+    assert "watchdog" not in {check.code for check in card.findings()}
+
+
+def test_a_servo_time_that_is_not_that_of_the_machine(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("I10=1856853")
+    check = found(card, "servo_time")
+    # 1856853 / 8388608 ms.
+    assert (check.found, check.facts["period"], check.wanted) == ("1856853", "221.354 us", "3713707")
+
+
+def test_somebody_elses_plc_and_a_table_are_told(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("OPEN PLC5", "CLEAR", "P5=P5+1", "CLOSE", "#1DEFINE COMP 2,#2,#1,10000", "16 0")
+    assert found(card, "plc_texts").found == "PLC 5"
+    (table,) = [check for check in card.verify().checks if check.code == "table"]
+    assert table.found.startswith("2,#2,#1,10000, 2, sha256 ")
+
+
+def test_an_encoder_that_is_converted_otherwise(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    table = card.dialect.conversion_table
+    word = f"I{table.first_setting + 1}" if table.first_setting else f"WY:${table.first_address + 1:X},"
+    card.tell(f"{word}={'$1'}" if table.first_setting else f"{word}$1")
+    check = found(card, "encoder")
+    assert (check.subject, check.found) == ("spindle", "$1")
+
+
+def test_a_running_program_and_a_switched_on_drive_are_seen(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("#1J/", "#2J/", "#3J/", "OPEN PROG1", "CLEAR", "DWELL60000", "CLOSE", "&1B1R")
+    card.sim.wait(0.05)
+    assert found(card, "running").found == "&1"
+    (drives,) = [check for check in card.verify().checks if check.code == "drives_on"]
+    assert drives.found == "#1, #2, #3"
+
+
+def test_a_fault_of_a_motor_is_told(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("#1J/", "#2J/", "#3J/")
+    card.sim.faults.inject("amplifier-fault", motor="tool")
+    card.sim.wait(0.1)
+    check = found(card, "motor_faults")
+    assert (check.subject, check.found) == ("tool", "amplifier_fault")
+
+
+def test_a_fault_of_the_card_itself_is_told(machine: MachineProfile) -> None:
+    verification = commissioned(machine).verify()
+    state = CardState(card=frozenset({"servo_error"}), systems={}, motors={})
+    (check,) = [each for each in state_checks(state, verification.judged) if each.code == "card_faults"]
+    assert (check.outcome, check.found) == (Outcome.FAILS, "servo_error")
+
+
+def test_a_card_at_factory_settings_is_told_what_that_does(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.factory()
+    speed = found(card, "slow_spindle")
+    assert speed.facts["rpm"] == "192"
+    (tool,) = [check for check in card.findings() if check.code == "overrun" and check.subject == "tool"]
+    # 32 counts/ms at 0.015625 counts/ms2 is 2.05 s; with the S-curve of 50 ms it is 2.1 s and 6.7 mm.
+    assert tool.facts["ramp"] == "6.7136 mm, 2.098 s"
+    assert tool.outcome is Outcome.FAILS
+    codes = {check.code for check in card.findings()}
+    assert {"factory", "no_limit", "slow_tool", "soft_abort", "too_much_current", "axis"} <= codes
+
+
+def test_a_setting_that_two_rules_know_is_told_once(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.factory()
+    failing = [c.variable for c in card.findings() if c.outcome is Outcome.FAILS and c.variable.startswith("I")]
+    assert sorted(failing) == sorted(set(failing))
+
+
+def test_what_the_profile_leaves_open_is_shown(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("I103=$720", "I171=1000")
+    (check,) = [c for c in card.verify().checks if c.code == "not_stated" and c.subject == "tool"]
+    assert check.outcome is Outcome.NOTED
+    assert "I103 = $720" in check.found
+    assert "I171 = 1000" in check.found
+
+
+def test_a_profile_whose_gains_contradict_each_other(machine: MachineProfile) -> None:
+    tool = replace(machine.tool, gain_kp_v_per_m=200.0)
+    card = commissioned(replace(machine, tool=tool))
+    check = found(card, "profile_gains", "I130")
+    # 10 V / 32768 of 5000 counts/mm are 1525.88 V/m, Ix08 is 96: 200 2^19 / (96 x 1525.88) = 715.8.
+    assert (check.found, check.wanted) == ("528", "716")
+
+
+def test_a_card_of_another_family_is_told(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    other = "turbo" if machine.controller.family == "pmac" else "pmac"
+    card.machine = replace(machine, controller=replace(machine.controller, family=other))
+    assert found(card, "family").wanted == other
+
+
+def test_an_inverter_spindle_is_not_asked_for_what_it_has_not(machine: MachineProfile) -> None:
+    spindle = replace(machine.spindle, drive="inverter", ramp_rpm_per_s=500.0, slip_rpm=30.0)
+    controller = replace(machine.controller, axis_definitions=("#1->X", "#3->Z"))
+    card = commissioned(replace(machine, spindle=spindle, controller=controller))
+    card.tell("I216=32")
+    assert {check.code for check in card.findings() if check.subject == "spindle"} == {"factory"}
+    assert [c.subject for c in card.verify().checks if c.code == "overrun"] == ["tool", "carriage"]
+
+
+def test_run_on_after_a_stop_by_hand_calculation() -> None:
+    # 50 counts/ms, 55 ms late, at 40 counts/ms2: 2750 + 31.25 counts.
+    abort = after_abort(50.0, 40.0, 55.0)
+    assert (abort.counts, abort.time_ms) == pytest.approx((2781.25, 56.25))
+    assert after_abort(50.0, 0.0, 55.0).counts == float("inf")
+    # Ix20 = 100 ms at 50 counts/ms: 2500 counts; Ix19 = 0.25 makes it (50 / 0.25) + 25 = 225 ms.
+    jog = after_jog_stop(JogSettings(acceleration=1.0, ta_ms=100.0, ts_ms=25.0, speed=50.0), 0.0)
+    assert (jog.counts, jog.time_ms) == pytest.approx((2500.0, 100.0))
+    slow = after_jog_stop(JogSettings(acceleration=0.25, ta_ms=100.0, ts_ms=25.0, speed=50.0), 0.0)
+    assert slow.time_ms == pytest.approx(225.0)
+    assert slow.counts == pytest.approx(50.0 * 225.0 / 2.0)

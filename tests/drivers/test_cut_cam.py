@@ -1,0 +1,218 @@
+"""A cut whose lobe is in a compensation table, in both families of cards, from the blank to the measured part."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from drivers.cut import Strategy, plan_cut
+from drivers.cutting.table_state import switch_off, table_problems
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import DIALECTS
+from drivers.simulator.plant.true_parameters import ideal
+from profiles.compensation import wanted_path
+from profiles.problem import ProblemError
+from tests.drivers.cut_floor import CutFloor, Track, of_family, with_inverter
+
+if TYPE_CHECKING:
+    from profiles.job import Job
+    from profiles.machine import MachineProfile
+    from tests.drivers.conftest import JobMaker
+
+CYCLE_MS = 3_713_707 / 8_388_608
+SHORT_MM = 2.0
+"""A cut of 54 turns: what counts is in each of them."""
+
+FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])
+
+
+def short(experiment: JobMaker, number: int = 1) -> Job:
+    return replace(experiment(number), cut_length_mm=SHORT_MM)
+
+
+def turns_of_feed(floor: CutFloor, track: Track) -> float:
+    """Turns for which the carriage has been fed."""
+    return float(track.carriage.max() - floor.plan.carriage_start) / floor.plan.setup.carriage_per_turn
+
+
+def excess_um(floor: CutFloor, track: Track) -> np.ndarray:
+    """How much further in the tool is than the wanted path at the angle of the spindle."""
+    infeed_um = (track.tool - floor.plan.setup.surface) * 0.2
+    return np.asarray(infeed_um - wanted_path(floor.job).at_um(track.spindle * 0.036))
+
+
+@FAMILIES
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_cam_leaves_less_than_a_micrometre_and_the_table_off(
+    machine: MachineProfile, experiment: JobMaker, family: str, number: int
+) -> None:
+    floor = CutFloor(short(experiment, number), of_family(machine, family), Strategy.CAM)
+    track = floor.cut()
+    assert floor.measured().ront_um < 0.2
+    assert (floor.number("I51"), floor.number("M169")) == (0.0, 0.0)
+    # Neither on nor off made a step: nothing that the tool was told is faster than its peak in the program.
+    # A count of the encoder of the spindle is up to 0.3 counts of the cam.
+    assert np.abs(np.diff(track.tool_told)).max() <= floor.plan.checked.peak_velocity[1] * CYCLE_MS + 0.3
+    assert track.tool_told[-1] == pytest.approx(floor.plan.setup.retracted, abs=1e-6)
+    assert track.tool[-1] == pytest.approx(floor.plan.setup.retracted, abs=50)
+
+
+@pytest.mark.parametrize(
+    ("jaws", "phase_deg", "rpm", "error_um"),
+    [(4, 33.0, 640.0, 21.0), (6, -100.0, 377.0, 55.0), (3, 47.0, 1234.5, 55.0)],
+)
+def test_it_does_so_whatever_the_chuck(
+    machine: MachineProfile, experiment: JobMaker, jaws: int, phase_deg: float, rpm: float, error_um: float
+) -> None:
+    job = replace(
+        experiment(1),
+        cut_length_mm=SHORT_MM,
+        jaws=jaws,
+        lobe_phase_deg=phase_deg,
+        spindle_speed_rpm=rpm,
+        lobe_error_um_pp=error_um,
+    )
+    floor = CutFloor(job, machine, Strategy.CAM)
+    floor.cut()
+    assert floor.measured().ront_um < 0.3
+
+
+def test_the_motion_that_is_planned_is_the_motion_that_is_made(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """What the table adds is in the extent and in the peaks of the plan, though no line of the program has it."""
+    floor = CutFloor(short(experiment), machine, Strategy.CAM)
+    checked = floor.plan.checked
+    track = floor.cut()
+    # An encoder count of the spindle is up to 0.3 counts of the tool, a servo cycle up to 22.
+    assert checked.highest[1] == pytest.approx(track.tool_told.max(), abs=1.0)
+    assert checked.lowest[1] == pytest.approx(track.tool_told.min(), abs=25.0)
+    fastest = np.abs(np.diff(track.tool_told)).max() / CYCLE_MS
+    assert checked.peak_velocity[1] == pytest.approx(fastest, rel=0.05)
+    assert checked.highest[3] == pytest.approx(track.carriage.max(), abs=1.0)
+    pieces = [piece for move in checked.moves for piece in move.pieces]
+    gaps = [np.polyval(old.cubics[0][::-1], old.duration_ms) - new.cubics[0][0] for old, new in pairwise(pieces)]
+    assert np.abs(gaps).max() < 0.05
+
+
+def test_a_ripple_of_the_speed_moves_the_cam_with_the_angle(machine: MachineProfile, experiment: JobMaker) -> None:
+    """5 % twice a turn is 1.43 deg of spindle, 0.075 of a lobe's radian.
+
+    Beside the part: lobes by the even and by the swung angle, over the servo's response at 50 Hz, then through all
+    of that response (Fourier, 7200 points a turn), less the lobe by the swung angle: 2.07 um and 0.99 um are left.
+    """
+    left = {}
+    for strategy in (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE):
+        floor = CutFloor(short(experiment), machine, strategy)
+        floor.ripple(0.05)
+        floor.cut()
+        left[strategy] = floor.measured().ront_um
+    assert left[Strategy.PVT] == pytest.approx(2.07, abs=0.1)
+    # What stays is the servo's: it was inverted at one frequency, and the ripple makes others.
+    for strategy in (Strategy.CAM, Strategy.TIMEBASE):
+        assert left[strategy] == pytest.approx(0.99, abs=0.25)
+
+
+def test_a_spindle_with_inertia_that_lags_in_its_loop_costs_nothing(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    floor = CutFloor(short(experiment), machine, Strategy.CAM, replace(ideal(machine), ideal_spindle=False))
+    floor.cut()
+    assert floor.measured().ront_um < 0.3
+
+
+def test_a_spindle_that_is_only_followed_will_do(machine: MachineProfile, experiment: JobMaker) -> None:
+    """The angle of jaw 1 is then one of the motor's own counts, whose zero is where the card was switched on."""
+    job, conventional = short(experiment), with_inverter(machine)
+    zero = CutFloor(job, conventional, Strategy.CAM).card.card.motors[2].axis.origin
+    found = replace(job, lobe_phase_deg=job.lobe_phase_deg - zero * 0.036)
+    floor = CutFloor(found, conventional, Strategy.CAM)
+    floor.card.sim.mount(job)
+    floor.cut()
+    assert floor.measured().ront_um < 0.3
+
+
+@pytest.mark.parametrize("hold_s", [5.0, 5.437])
+def test_a_hold_ends_the_cut_with_its_turn_without_a_mark_and_with_the_table_off(
+    machine: MachineProfile, experiment: JobMaker, hold_s: float
+) -> None:
+    floor = CutFloor(short(experiment), machine, Strategy.CAM)
+    floor.start()
+    floor.card.sim.wait(hold_s)
+    z_before = floor.number("#3P")
+    floor.card.tell("M26=1")
+    track = floor.finish()
+    # The carriage comes to rest in the 311 ms of the retract, on a third of the way of that time.
+    coasted = 311 / 60.0 / 3.0
+    turns = turns_of_feed(floor, track) - coasted
+    # The end of a turn is met within half a segment of 8 ms.
+    assert turns == pytest.approx(round(turns), abs=0.5 * 8.0 / 60.0 + 0.001)
+    assert track.carriage.max() - z_before < (2.0 + coasted) * floor.plan.setup.carriage_per_turn
+    assert (floor.number("I51"), floor.number("M169")) == (0.0, 0.0)
+    excess = excess_um(floor, track)
+    furthest = int(np.argmax(track.carriage))
+    cutting = slice(int(np.flatnonzero(track.carriage > floor.plan.carriage_start + 300)[0]), furthest - 1000)
+    assert excess[cutting.stop :].max() < excess[cutting].max() + 0.05
+
+
+def test_a_lease_that_runs_out_ends_the_cut_as_a_hold_does(machine: MachineProfile, experiment: JobMaker) -> None:
+    floor = CutFloor(short(experiment), machine, Strategy.CAM, lease="P900>0")
+    floor.card.tell("P900=1")
+    floor.start()
+    floor.card.sim.wait(5.0)
+    floor.card.tell("P900=0")
+    track = floor.finish()
+    assert turns_of_feed(floor, track) < floor.plan.setup.turns - 5
+    assert floor.number("I51") == 0.0
+    assert track.tool_told[-1] == pytest.approx(floor.plan.setup.retracted, abs=1e-6)
+    assert track.tool[-1] == pytest.approx(floor.plan.setup.retracted, abs=50)
+
+
+def test_after_a_stop_in_mid_cut_the_table_is_left_in_the_row_of_zeros(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    floor = CutFloor(short(experiment), machine, Strategy.CAM)
+    card, plan = floor.card, floor.plan
+    client = PmacClient(MemoryLink(card.port, card.sim), card.sim)
+    dialect = DIALECTS["pmac"]
+    assert table_problems(client, machine, dialect) == ()
+    floor.start()
+    card.sim.wait(5.0)
+    card.raw("\x01")
+    card.settle()
+    found = switch_off(client, machine, dialect)
+    assert "cut.table_on" in {problem.code for problem in found}
+    assert floor.number("I51") == 1.0
+    card.tell(f"#1J={plan.setup.retracted}")
+    card.settle()
+    card.tell(f"#3J={plan.zero_row_z}")
+    card.settle()
+    assert switch_off(client, machine, dialect) == ()
+    assert (floor.number("I51"), floor.number("M169")) == (0.0, 0.0)
+
+
+def test_with_a_correction_that_was_left_behind_nothing_moves(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    floor = CutFloor(short(experiment), machine, Strategy.CAM)
+    floor.card.tell(f"M169={50 * 96 * 32}")
+    floor.card.sim.wait(0.5)
+    floor.start()
+    track = floor.finish()
+    assert np.ptp(track.carriage) == np.ptp(track.spindle) == 0.0
+    client = PmacClient(MemoryLink(floor.card.port, floor.card.sim), floor.card.sim)
+    held = table_problems(client, machine, DIALECTS["pmac"])
+    assert [problem.code for problem in held] == ["cut.table_holds"]
+
+
+def test_a_cut_beside_the_end_of_the_travel_is_refused(machine: MachineProfile, experiment: JobMaker) -> None:
+    """The part begins 0.6 mm behind the zero of Z: there is no place for a row of zeros in front of it."""
+    job = replace(experiment(1), overhang_mm=198.7)
+    with pytest.raises(ProblemError) as refused:
+        plan_cut(job, machine, Strategy.CAM)
+    assert refused.value.problems[0].code == "program.no_zero_row"

@@ -1,0 +1,223 @@
+"""What a line will be answered with: every forecast is held against what the simulated card does answer."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.pmac.foreseen import Foreseen, foresee, number_of, opens_buffer, settings_in
+from profiles.machine import MachineProfile
+from tests.drivers.wire_card import Wire, wire
+
+QUESTIONS = (
+    ("P1", 1),
+    ("p1 q2 M3 I4", 4),
+    ("P1..3", 3),
+    ("P1,3,2", 3),
+    ("I10 P1..20", 21),
+    ("#1P F ? #2P F ? #3P F ? &1??", 10),
+    ("I65???&1??%#1?PVF m190 p99", 10),
+    ("#1PVF", 3),
+    ("#1->", 1),
+    ("#1-> #1?", 2),
+    ("M0..9->", 10),
+    ("VERSION TYPE", 2),
+    ("VER", 1),
+    ("#1", 0),
+    ("", 0),
+)
+COMMANDS = (
+    ("P1=25 P2=50", 0),
+    ("I3=2 I4=0 I6=1 I64=1 P1001=7 P1001", 1),
+    ("P1=3 P4", 1),
+    ("P1= -0.5", 0),
+    ("P1=$F0", 0),
+    ("I20..24=0", 0),
+    ("I130=*", 0),
+    ("M5->Y:$FFC2,8", 0),
+    ("M5->*", 0),
+    ("#1J/ #2J/ #3J/", 0),
+    ("#1J=100", 0),
+    ("#1J:-300", 0),
+    ("#1J+", 0),
+    ("#1J-", 0),
+    ("#1J/", 0),
+    ("K", 0),
+    ("%100", 0),
+    ("DEFINE GATHER 100", 0),
+    ("DELETE GATHER", 0),
+    ("DISABLE PLC 1..3", 0),
+    ("OPEN PROG 1 CLEAR", 0),
+    ("CLOSE", 0),
+)
+UNCERTAIN = ("UUU", "P1=P2+3", "P1=3&1", "J=100^50", "X10", "#1->X", "SAVE", "$$$", "LIST PROG 1 #1J+")
+
+
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    dialect: Dialect = request.param
+    return wire(machine, dialect)
+
+
+@pytest.fixture(scope="module")
+def asked(machine: MachineProfile) -> Wire:
+    return wire(machine)
+
+
+@pytest.mark.parametrize(("line", "lines"), QUESTIONS)
+def test_a_question_has_as_many_lines_as_the_card_answers_and_changes_nothing(
+    card: Wire, line: str, lines: int
+) -> None:
+    assert foresee(line) == Foreseen(lines, reads_only=True)
+    assert len(card.ask(line)) == lines
+
+
+@pytest.mark.parametrize(("line", "lines"), COMMANDS)
+def test_a_command_has_as_many_lines_as_the_card_answers_and_is_never_taken_for_a_question(
+    card: Wire, line: str, lines: int
+) -> None:
+    assert foresee(line) == Foreseen(lines, reads_only=False)
+    assert len(card.ask(line)) == lines
+
+
+@pytest.mark.parametrize("line", UNCERTAIN)
+def test_of_what_is_not_certain_nothing_is_said(line: str) -> None:
+    assert foresee(line) == Foreseen(None, reads_only=False)
+
+
+@pytest.mark.parametrize(
+    "line", ["P1,5", "LIST PROG 3", "LIST PROG1,0,5", "LIST PLC 20", "LIST GATHER 0,256", "#1LIST COMP"]
+)
+def test_what_lists_may_have_any_length_and_may_be_asked_again(line: str) -> None:
+    assert foresee(line) == Foreseen(None, reads_only=True)
+
+
+MOVES = st.sampled_from(
+    ["#1J+", "#2J/", "&1R", "&1B3R", "#1HM", "A", "K", "#1J=5", "P1=2", "M26=1", "I5111=677", "S"]
+)
+
+
+@given(
+    st.lists(st.sampled_from([line for line, _ in QUESTIONS]), max_size=3),
+    MOVES,
+    st.lists(st.sampled_from([line for line, _ in QUESTIONS]), max_size=3),
+    st.sampled_from(["", " "]),
+)
+def test_a_line_with_a_command_anywhere_in_it_is_never_asked_twice(
+    before: list[str], move: str, after: list[str], gap: str
+) -> None:
+    assert not foresee(gap.join([*before, move, *after])).reads_only
+
+
+PIECES: tuple[str, ...] = (
+    "P",
+    "V",
+    "F",
+    "R",
+    "S",
+    "J",
+    "A",
+    "K",
+    "H",
+    "PE",
+    "?",
+    "??",
+    "#1",
+    "&1",
+    "%",
+    "P1",
+    "Q2",
+    "I3",
+    "M4",
+    "..",
+    ",",
+)
+PIECES += (
+    "5",
+    "=",
+    "->",
+    "-",
+    "+",
+    "/",
+    " ",
+    "LIST",
+    "PROG",
+    "PC",
+    "COMP",
+    "VER",
+    "TYPE",
+    "RX",
+    "$10",
+    "X",
+    "B",
+    "100",
+)
+
+
+def state_of(card: Wire) -> object:
+    controller = card.card
+    moving = [motor.jogging or motor.enabled for motor in controller.motors.values()]
+    running = [(system.running, system.program_number) for system in controller.systems.values()]
+    variables = controller.variables
+    return moving, running, dict(variables.settings()), dict(variables.pointers), controller.open_buffer
+
+
+@settings(max_examples=300)
+@given(line=st.lists(st.sampled_from(PIECES), max_size=6).map("".join))
+def test_what_is_called_a_question_changes_nothing_on_the_card_and_has_as_many_lines_as_were_foreseen(
+    asked: Wire, line: str
+) -> None:
+    foreseen = foresee(line)
+    if not foreseen.reads_only:
+        return
+    before = state_of(asked)
+    said = asked.raw(line + "\r")
+    assert state_of(asked) == before
+    if foreseen.lines is not None and said.endswith(b"\x06"):
+        assert said.count(b"\r") == foreseen.lines
+
+
+@pytest.mark.parametrize(
+    ("line", "opens"),
+    [
+        ("OPEN PROG 1 CLEAR", True),
+        ("openplc3", True),
+        ("CLOSE OPEN PROG1", True),
+        ("CLOSE", False),
+        ("X10 CLS", False),
+        ("OPEN PROG 1 CLEAR CLOSE", False),
+        ('SEND"OPEN PROG"', None),
+        ("P1=3", None),
+    ],
+)
+def test_whether_a_buffer_is_open_behind_a_line(line: str, opens: bool | None) -> None:
+    assert opens_buffer(line) is opens
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("P1=25 I130=$F0", {"P1": 25.0, "I130": 240.0}),
+        ("m26 = -0.5", {"M26": -0.5}),
+        ("P1=P2", None),
+        ("P1=3+4", None),
+        ("P1..3=0", None),
+        ("P1=3 #1J+", None),
+        ("P1", None),
+        ("", None),
+    ],
+)
+def test_the_settings_of_a_line_are_read_only_where_they_are_all_it_does(
+    line: str, found: dict[str, float] | None
+) -> None:
+    assert settings_in(line) == found
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("25", 25), (" -0.5 ", -0.5), ("$C000", 49152), ("I125=49152", 49152), ("I125=$C000", 49152)],
+)
+def test_a_variable_is_read_in_each_form_of_the_report(text: str, number: float) -> None:
+    assert number_of(text) == number

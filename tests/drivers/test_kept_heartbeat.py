@@ -1,0 +1,115 @@
+"""A lathe with a heartbeat: the card ends what moves when this host is silent, and nothing goes on by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from drivers.errors import DriverError, RefusedError
+from drivers.heartbeat import Heartbeat
+from drivers.lathe import Lathe
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.program_text import read_program
+from drivers.simulator.machine import SimulatedLathe
+from drivers.snapshot import AxisName
+from drivers.stop import StopPath
+from profiles.machine import MachineProfile
+from tests.drivers.families import machine as machine
+
+SLOW = "OPEN PROG 3\nCLEAR\nINC\nTA100 TS0 TM60000\nZ60000\nCLOSE\n"
+
+
+class Kept:
+    """A lathe over a wire that can be told to fall silent: the card's time passes, this host's does not act."""
+
+    def __init__(self, machine: MachineProfile) -> None:
+        self.sim = SimulatedLathe(machine)
+        self.link = MemoryLink(self.sim.connect(), self.sim)
+        client = PmacClient(self.link, self.sim)
+        self.stop = StopPath(self.link)
+        heartbeat = Heartbeat(client, self.sim, machine)
+        self.lathe = Lathe(client, machine, self.sim, self.stop, self._seen, heartbeat)
+        self.on_look: Callable[[], None] = lambda: None
+        self.lathe.connect()
+        assert self.lathe.verify() == ()
+
+    def _seen(self, _: object) -> None:
+        self.on_look()
+
+    def silent_once(self, seconds: float) -> None:
+        """Sleep through the next look."""
+
+        def sleep() -> None:
+            self.on_look = lambda: None
+            self.sim.wait(seconds)
+
+        self.on_look = sleep
+
+
+@pytest.fixture
+def kept(machine: MachineProfile) -> Kept:
+    made = Kept(machine)
+    made.lathe.enable()
+    return made
+
+
+def code(error: pytest.ExceptionInfo[DriverError]) -> str:
+    return error.value.problems[0].code
+
+
+def test_a_jog_arrives_with_its_lease_renewed(kept: Kept) -> None:
+    kept.lathe.home()
+    kept.lathe.jog_to(AxisName.CARRIAGE, 60_000.0)  # 6 s: twenty leases
+    assert kept.lathe.snapshot().carriage.position == pytest.approx(60_000, abs=1)
+
+
+def test_a_host_that_sleeps_in_a_jog_finds_it_ended_and_says_so(kept: Kept) -> None:
+    kept.lathe.home()
+    kept.silent_once(2.0)
+    with pytest.raises(DriverError) as failed:
+        kept.lathe.jog_to(AxisName.CARRIAGE, 60_000.0)
+    assert code(failed) == "heartbeat.lapsed"
+    carriage = kept.sim.controller.motors[3]
+    assert carriage.desired < 10.0 * 600 + 2000, "10 counts/ms, ended within 0.3 s and its ramp"
+    assert not carriage.jogging
+
+
+def test_what_was_ended_is_acknowledged_before_anything_moves_again(kept: Kept) -> None:
+    kept.silent_once(2.0)
+    with pytest.raises(DriverError):
+        kept.lathe.jog_to(AxisName.CARRIAGE, 60_000.0)
+    kept.stop.stop("heartbeat")
+    kept.lathe.wait_for_rest()
+    kept.stop.release()
+    kept.lathe.hands_clear()
+    with pytest.raises(RefusedError) as refused:
+        kept.lathe.enable()
+    assert code(refused) == "heartbeat.lost"
+    kept.lathe.acknowledge_loss()
+    kept.lathe.enable()
+    kept.lathe.jog_to(AxisName.CARRIAGE, kept.sim.controller.motors[3].position + 500.0)
+
+
+def test_without_permission_for_plcs_no_drive_is_switched_on(machine: MachineProfile) -> None:
+    variables = {**machine.controller.variables, "I5": 0.0}
+    made = Kept(replace(machine, controller=replace(machine.controller, variables=variables)))
+    with pytest.raises(RefusedError) as refused:
+        made.lathe.enable()
+    assert "heartbeat.plcs_forbidden" in [problem.code for problem in refused.value.problems]
+    assert not any(motor.enabled for motor in made.sim.controller.motors.values())
+
+
+def test_a_stop_ends_the_guard_so_that_the_card_moves_nothing_behind_it(kept: Kept) -> None:
+    kept.lathe.home()
+    kept.lathe.load(read_program(SLOW))
+    kept.lathe.start(3, 0.0)
+    kept.sim.wait(0.1)
+    kept.stop.stop("operator")
+    kept.lathe.wait_for_rest()
+    tool = kept.sim.controller.motors[1].desired
+    kept.sim.wait(5.0)
+    assert kept.sim.controller.motors[1].desired == tool
+    assert kept.lathe.snapshot().at_rest

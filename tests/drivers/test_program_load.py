@@ -1,0 +1,212 @@
+"""Loading a program: sent once, read back, and no buffer left open whatever happens on the line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from drivers.errors import ControllerError, DriverError, LinkError
+from drivers.pmac.client import REPLY_TIMEOUT_S
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.pmac.program_load import load_program, verify_program
+from drivers.pmac.program_text import read_program
+from profiles.machine import MachineProfile
+from tests.drivers.recorded_line import Recorded, recorded
+
+TEXT = """
+I190=1000
+OPEN PROG 501 CLEAR
+P3=P3*2
+RETURN
+CLOSE
+OPEN PROG 1007
+CLEAR
+INC
+LINEAR TA100 TS0 TM1000
+WHILE(P1<3)
+X10 Y-20
+P1=P1+1
+ENDWHILE
+CALL501
+CLOSE
+"""
+FAULTS: dict[str, dict[str, float]] = {
+    "dropped-ack": {"replies": 1},
+    "late-reply": {"replies": 1, "delay_ms": 1000 * REPLY_TIMEOUT_S + 500},
+    "extra-line": {"replies": 1},
+    "nul": {"replies": 1},
+    "bare-bel": {"replies": 1},
+    "hang": {"for_s": REPLY_TIMEOUT_S + 0.5},
+}
+
+
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def bench(machine: MachineProfile, request: pytest.FixtureRequest) -> Recorded:
+    dialect: Dialect = request.param
+    return recorded(machine, dialect)
+
+
+def codes(error: DriverError) -> list[str]:
+    return [problem.code for problem in error.problems]
+
+
+def stored(bench: Recorded) -> dict[int, int]:
+    """The programs on the card, and how many lines each has."""
+    return {number: len(buffer.lines) for number, buffer in bench.sim.controller.programs.items()}
+
+
+def test_a_program_is_loaded_with_its_subprogram_and_listed(bench: Recorded) -> None:
+    load_program(bench.client, read_program(TEXT))
+    assert stored(bench) == {501: 2, 1007: 7}
+    assert bench.times_sent("LIST PROG1007") == bench.times_sent("LIST PROG501") == 1
+    assert not bench.client.buffer_may_be_open
+    assert bench.client.faults.total == 0
+
+
+@pytest.mark.parametrize("place", range(15))
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_at_any_line_leaves_no_buffer_open_and_no_line_is_sent_twice(
+    bench: Recorded, fault: str, place: int
+) -> None:
+    program = read_program(TEXT)
+
+    def lines() -> Iterator[str]:
+        for number, line in enumerate(program.lines):
+            if number == place:
+                bench.inject(fault, **FAULTS[fault])
+            yield line
+
+    with pytest.raises(LinkError) as told:
+        bench.client.download(lines())
+    assert told.value.problems[0].key == program.lines[place]
+    assert codes(told.value)[1] == "link.outcome_unknown"
+    assert "controller.buffer_may_be_open" not in codes(told.value)
+    for line in {*program.lines} - {"CLOSE"}:
+        assert bench.times_sent(line) == program.lines[: place + 1].count(line)
+    before = stored(bench)
+    assert bench.client.query("P2", "P3") == ("50", "75")
+    bench.client.request("P2=51")
+    assert bench.sim.controller.open_buffer is None
+    assert (stored(bench), bench.value(2)) == (before, 51), "it is carried out, and not stored"
+    load_program(bench.client, program)
+    assert stored(bench) == {501: 2, 1007: 7}
+
+
+def test_a_line_that_is_refused_is_named_and_the_buffer_is_closed(bench: Recorded) -> None:
+    with pytest.raises(ControllerError) as refused:
+        bench.client.download(["OPEN PROG 3 CLEAR", "INC", "X10 <=", "X20"])
+    assert (refused.value.error_number, refused.value.problems[0].value) == (3, "X10 <=")
+    assert bench.sim.controller.open_buffer is None
+    assert not bench.client.buffer_may_be_open
+    assert bench.times_sent("X20") == 0
+
+
+def test_the_buffer_of_somebody_else_is_not_closed_by_a_download_that_is_refused(bench: Recorded) -> None:
+    other = bench.sim.connect()
+    other.receive(b"OPEN PROG 9 CLEAR\r")
+    bench.sim.wait(0.02)
+    with pytest.raises(ControllerError) as refused:
+        bench.client.download(["OPEN PROG 3 CLEAR", "INC", "CLOSE"])
+    assert refused.value.error_number == 7
+    opened = bench.sim.controller.open_buffer
+    assert opened is not None
+    assert opened.program == 9
+
+
+def test_a_line_that_does_not_come_at_all_closes_the_buffer_as_well(bench: Recorded) -> None:
+    def lines() -> Iterator[str]:
+        yield "OPEN PROG 3 CLEAR"
+        yield "INC"
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bench.client.download(lines())
+    assert bench.sim.controller.open_buffer is None
+
+
+def test_a_buffer_that_cannot_be_closed_is_told_and_connecting_again_closes_it(bench: Recorded) -> None:
+    def lines() -> Iterator[str]:
+        yield "OPEN PROG 3 CLEAR"
+        bench.sim.faults.inject("hang", for_s=20.0)
+        yield "INC"
+
+    with pytest.raises(LinkError) as told:
+        bench.client.download(lines())
+    expected = ["link.silent", "link.outcome_unknown", "link.not_in_step", "controller.buffer_may_be_open"]
+    assert codes(told.value) == expected
+    assert (bench.client.buffer_may_be_open, bench.sim.controller.open_buffer is None) == (True, False)
+    bench.sim.wait(20.0)
+    bench.client.connect()
+    assert (bench.client.buffer_may_be_open, bench.sim.controller.open_buffer is None) == (False, True)
+    assert bench.client.query("P2", "P3") == ("50", "75")
+
+
+def test_a_line_of_a_program_that_is_no_line_for_it_is_not_carried_out_unnoticed(bench: Recorded) -> None:
+    """`P1` alone answers its value where no buffer is open: it was sent to be stored."""
+    with pytest.raises(DriverError):
+        bench.client.download(["CLOSE", "OPEN PROG 3 CLEAR", "P1", "CLOSE"])
+    assert bench.sim.controller.open_buffer is None
+
+
+@pytest.mark.parametrize(
+    ("stranger", "where", "line", "met", "sent"),
+    [
+        (["OPEN PROG 1007", "X1", "CLOSE"], "PROG 1007", "line 8", "X1", ""),
+        (["OPEN PROG 1007 CLEAR", "INC", "CLOSE"], "PROG 1007", "line 2", "", "LINEAR TA100 TS0 TM1000"),
+        (["OPEN PROG 501 CLEAR", "P3=P3*3", "RETURN", "CLOSE"], "PROG 501", "line 1", "P3=P3*3", "P3=P3*2"),
+    ],
+)
+def test_what_the_card_holds_otherwise_is_named_with_its_line(
+    bench: Recorded, stranger: list[str], where: str, line: str, met: str, sent: str
+) -> None:
+    program = read_program(TEXT)
+    load_program(bench.client, program)
+    bench.client.download(stranger)
+    with pytest.raises(DriverError) as differs:
+        verify_program(bench.client, program)
+    problem = differs.value.problems[0]
+    assert problem.code == "controller.program_differs"
+    assert (problem.where, problem.key, problem.value, problem.limit) == (where, line, met, sent)
+
+
+def test_a_program_that_is_not_there_is_refused(bench: Recorded) -> None:
+    with pytest.raises(ControllerError) as refused:
+        verify_program(bench.client, read_program(TEXT))
+    assert refused.value.error_number == 3
+
+
+def test_a_listing_in_another_spelling_is_the_same_program(bench: Recorded) -> None:
+    """Manuals print LIN for LINEAR and WHILE (P1 < 3); spaces and case are free."""
+    program = read_program(TEXT)
+    load_program(bench.client, program)
+    ask = bench.client.question
+    spelled = {"LINEAR TA100 TS0 TM1000": "lin ta100 ts0 tm1000", "WHILE(P1<3)": "WHILE (P1 < 3)"}
+
+    def question(line: str, timeout_s: float) -> tuple[str, ...]:
+        return tuple(spelled.get(each, each) for each in ask(line, timeout_s))
+
+    bench.client.question = question  # type: ignore[assignment, method-assign]
+    verify_program(bench.client, program)
+
+
+def test_a_long_program_is_read_back_over_a_slow_line(bench: Recorded) -> None:
+    """600 lines of 18 characters are 11 kB: 11 s at 9600 baud, far more than a reply may take."""
+    lines = "\n".join(f"X{1000 + n}.125 Y{2000 + n}.25" for n in range(600))
+    program = read_program(f"OPEN PROG 4 CLEAR\n{lines}\nCLOSE\n")
+    load_program(bench.client, program)
+    bench.sim.faults.inject("9600-baud")
+    before_s = bench.sim.now_s()
+    verify_program(bench.client, program)
+    assert 10.0 < bench.sim.now_s() - before_s < 14.0
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_listing_that_a_fault_spoils_is_asked_for_once_more(bench: Recorded, fault: str) -> None:
+    program = read_program(TEXT)
+    load_program(bench.client, program)
+    bench.line.sent.clear()
+    bench.inject(fault, **FAULTS[fault])
+    verify_program(bench.client, program)
+    assert bench.times_sent("LIST PROG501") == 2
+    assert bench.times_sent("LIST PROG1007") == 1
