@@ -1,7 +1,7 @@
 """The heartbeat as a host keeps it: its PLC is on the card and alive, its lease is renewed while something moves.
 
-When the host falls silent the card ends what moves by itself, as the policy says. A lease that has run out is not
-renewed: what it guarded was ended, and the machine is looked at instead.
+When the host falls silent the card ends what moves by itself, as the policy says. A host that was held up for as
+long as a lease asks the card first: a lease that has run out is not renewed, because what it guarded was ended.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.heartbeat.arming import heartbeat_problems
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
+from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_timer
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
 from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
 from drivers.pmac.reserved import LOST
@@ -37,6 +38,7 @@ class Heartbeat:
         self._policy = policy
         self._keeper: Keeper | None = None
         self._guarding = False
+        self._i10 = 0.0
 
     def prepare(self) -> None:
         """Make sure that the card would end a motion without a host; load its PLC where it is not there.
@@ -56,6 +58,7 @@ class Heartbeat:
             problems = self._problems(look)
         if problems:
             raise RefusedError(*problems)
+        self._i10 = look.i10
         self._keeper = Keeper(dialect=self._dialect, i10=look.i10)
 
     def jog(self, line: str) -> str:
@@ -72,7 +75,8 @@ class Heartbeat:
         """Let time pass, and renew the lease when it is due.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, this host was silent for too long; nothing was renewed.
+            DriverError: `heartbeat.lapsed`, this host was silent for so long that the card has ended the motion;
+                nothing was renewed.
             LinkError: the link broke or is out of step.
         """
         end_s = self._clock.now_s() + seconds
@@ -116,13 +120,18 @@ class Heartbeat:
         self._keeper = self._keeper.renewed(self._clock.now_s())
         return self._keeper
 
+    def _lease_left(self) -> bool:
+        """Ask the card whether it still waits for this host, with time enough for a renewal to come."""
+        lost, lease = self._client.numbers(f"P{LOST}", lease_timer(self._dialect).name, again=True)
+        return not lost and lease > cycles_of(PERIOD_MS, self._i10)
+
     def _renewed(self) -> float:
         """Renew the lease if it is due; return when the next renewal is."""
         keeper = self._keeper
         if not self._guarding or keeper is None:
             return float("inf")
         now_s = self._clock.now_s()
-        if keeper.lapsed(now_s):
+        if keeper.lapsed(now_s) and not self._lease_left():
             raise DriverError(Problem(code="heartbeat.lapsed", where=self._client.link.address))
         if now_s >= keeper.due_s(now_s):
             self._keeper = keeper = keeper.renewed(now_s)

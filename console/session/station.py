@@ -35,8 +35,8 @@ SCREEN_TIMEOUT_S = 2.0
 SIGHT_PERIOD_S = 0.15
 """Between two looks at the chuck of the simulated shop."""
 
-SIGHT_PERIOD_IN_CUT_S = 1.0
-"""The same in a cut, where looks belong to the controller; but what the tool runs into is to be told."""
+SIGHT_PERIOD_IN_MOTION_S = 1.0
+"""The same while something moves, when looks and leases come first; what the tool runs into is to be told."""
 
 
 class Station:
@@ -315,7 +315,7 @@ class Station:
     def _look_at_chuck(self) -> None:
         place = self._place
         now_s = place.clock.now_s()
-        period_s = SIGHT_PERIOD_IN_CUT_S if place.state.activity is Activity.CUTTING else SIGHT_PERIOD_S
+        period_s = SIGHT_PERIOD_IN_MOTION_S if place.state.activity in MOVING else SIGHT_PERIOD_S
         if place.shop is None or now_s - self._sight_s < period_s:
             return
         self._sight_s = now_s
