@@ -9,7 +9,6 @@ from console.session.link_thread import Opened
 from console.session.station import Station
 from console.session.workplace import Workplace
 from drivers.clock import RealClock
-from drivers.heartbeat import Heartbeat
 from drivers.lathe import Lathe
 from drivers.link.serial import SerialLink
 from drivers.pmac.client import PmacClient
@@ -39,9 +38,7 @@ def open_simulated(machine: LoadedMachine, records: Path) -> Opened:
         for station in seen:
             station.seen(snapshot)
 
-    client = PmacClient(link, clock)
-    heartbeat = Heartbeat(client, clock, machine.machine)
-    lathe = Lathe(client, machine.machine, clock, stop, tell, heartbeat)
+    lathe = Lathe(PmacClient(link, clock), machine.machine, clock, stop, tell)
     place = Workplace(
         lathe=lathe, machine=machine, clock=clock, shop=process, records=records, local_time=_local_time
     )
