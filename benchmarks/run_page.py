@@ -10,7 +10,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.measure import print_table
@@ -55,7 +55,7 @@ def moments_of_a_cut(frames: int) -> list[StationState]:
 
         def look(_: Snapshot) -> None:
             if floor.state.cut is not None and floor.state.cut.stage is CutStage.CUT:
-                looks.append(floor.state)
+                looks.append(_portable(floor.state))
 
         floor.looks.append(look)
         floor.do(Start())
@@ -66,6 +66,12 @@ def moments_of_a_cut(frames: int) -> list[StationState]:
     if len(seen) <= frames:
         raise ValueError(f"a cut of {len(seen)} frames only")
     return seen[-frames - 1 :]
+
+
+def _portable(state: StationState) -> StationState:
+    """Return the same in a form that another process can be given: a read-only view of a mapping is none."""
+    snapshot = state.snapshot
+    return state if snapshot is None else replace(state, snapshot=replace(snapshot, inputs=dict(snapshot.inputs)))
 
 
 def a_frame(app: str, moments: Sequence[StationState], columns: int, rows: int) -> Cost:

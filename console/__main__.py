@@ -31,6 +31,7 @@ COMMANDS = (
     "roundness",
     "controller",
     "doctor",
+    "identify",
 )
 MODULES = {name: f"console.cli.{name.replace('-', '_')}" for name in COMMANDS}
 
@@ -76,13 +77,15 @@ def _dispatch(words: list[str], text: Catalogue) -> int:
     options = parser.parse_args(words)
     if options.version:
         return _version(options.json)
-    if options.command is None and not options.sim:
+    if options.command is None and not (options.sim or options.link or options.machine):
         parser.print_help()
         print(f"console: {text('usage.no_command', limit=' | '.join(MODULES))}", file=sys.stderr)
         return WRONG_USAGE
     from importlib import import_module
 
     module = import_module(SCREEN if options.command is None else MODULES[options.command])
+    if options.sim and options.link:
+        parser.error(text("usage.sim_with_link"))
     if getattr(options, "ts", None) is not None and options.strategy != "paper":
         parser.error(text("usage.ts_without_paper"))
     code: int = module.main(options, text)

@@ -6,15 +6,18 @@ long as a lease asks the card first: a lease that has run out is not renewed, be
 
 from __future__ import annotations
 
+import math
+
 from drivers.clock import Clock
 from drivers.errors import DriverError, RefusedError
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.heartbeat.arming import heartbeat_problems
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
-from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_timer
-from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_condition, lease_timer
+from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
 from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
+from drivers.pmac.heartbeat.registers import ENDING
 from drivers.pmac.reserved import LOST
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -24,18 +27,38 @@ NOT_OURS = frozenset({"heartbeat.plc_missing", "heartbeat.plc_differs", "heartbe
 
 SHORTEST_WAIT_S = 0.001
 
+RATE = "heartbeat.lease_rate"
+LAPSED = "heartbeat.lapsed"
+"""The code of the problem that the card has ended a motion, because this host was silent."""
+
+EARLY_S = 0.5 * PERIOD_MS / 1000.0
+"""By how much a renewal may be early, when it saves a line of its own."""
+
+END_MARGIN_S = 1.0
+"""What the card may take beyond the times that it waits for."""
+
+RATE_READINGS = 3
+"""How often the rate of the lease is looked at, before a card that is busy counts as one set otherwise."""
+
+
+def cut_condition(machine: MachineProfile) -> str:
+    """Return the condition without which a cutting program ends by itself; "" where it is to go on to its end."""
+    finishes = Policy(machine.heartbeat.policy) is Policy.FINISH
+    return "" if finishes else lease_condition(DIALECTS[machine.controller.family])
+
 
 class Heartbeat:
     """The lease of one controller. It guards nothing before `prepare` has found everything in order."""
 
     def __init__(
-        self, client: PmacClient, clock: Clock, machine: MachineProfile, policy: Policy = Policy.RETRACT
+        self, client: PmacClient, clock: Clock, machine: MachineProfile, policy: Policy | None = None
     ) -> None:
+        """Without a `policy` that of the machine profile is kept."""
         self._client = client
         self._clock = clock
         self._machine = machine
         self._dialect = DIALECTS[machine.controller.family]
-        self._policy = policy
+        self._policy = Policy(machine.heartbeat.policy) if policy is None else policy
         self._keeper: Keeper | None = None
         self._guarding = False
         self._i10 = 0.0
@@ -50,12 +73,10 @@ class Heartbeat:
             LinkError: the link broke or is out of step.
         """
         self._keeper = None
-        look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
-        problems = self._problems(look)
+        look, problems = self._looked()
         if any(problem.code in NOT_OURS for problem in problems):
             self._client.download(set_up_lines(self._machine, self._dialect, self._policy))
-            look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
-            problems = self._problems(look)
+            look, problems = self._looked()
         if problems:
             raise RefusedError(*problems)
         self._i10 = look.i10
@@ -67,9 +88,42 @@ class Heartbeat:
         return f"{keeper.jog_line()} {line}"
 
     def cut(self, line: str, retracted_counts: float) -> str:
-        """Return a line that starts a cut, with its lease in front, and with where the tool is out of the part."""
+        """Return a line that starts a cut of the addressed system, with its lease and the way out in front."""
         keeper = self._begin()
-        return f"{keeper.cut_line(retracted_counts)} {line}"
+        return f"{keeper.cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
+
+    def renewal(self) -> str:
+        """Return the lease, to be put in front of a line that is sent at once; "" when none is due.
+
+        Raises:
+            DriverError: `heartbeat.lapsed`, as for `pause`.
+            LinkError: the link broke or is out of step.
+        """
+        keeper = self._kept()
+        if keeper is None or self._clock.now_s() + EARLY_S < keeper.due_s(self._clock.now_s()):
+            return ""
+        self._keeper = keeper.renewed(self._clock.now_s())
+        return keeper.line
+
+    @property
+    def condition(self) -> str:
+        """The condition without which a cutting program ends by itself; none where it is to go on to its end."""
+        return "" if self._policy is Policy.FINISH else lease_condition(self._dialect)
+
+    @property
+    def ends_within_s(self) -> float:
+        """How long the card may take to end a motion by itself; a cut that it lets go on has no such time."""
+        if self._policy is Policy.FINISH:
+            return math.inf
+        return (self._machine.heartbeat.grace_ms + RUN_DOWN_MS + OUT_LIMIT_MS) / 1000.0 + END_MARGIN_S
+
+    def is_ending(self) -> bool:
+        """Ask the card whether it is about to end something.
+
+        Raises:
+            LinkError: the link broke or is out of step.
+        """
+        return bool(self._client.numbers(f"P{ENDING}", again=True)[0])
 
     def pause(self, seconds: float) -> None:
         """Let time pass, and renew the lease when it is due.
@@ -100,7 +154,7 @@ class Heartbeat:
         self._client.request(NOTHING_GUARDED)
         (lost,) = self._client.numbers(f"P{LOST}", again=True)
         if lost:
-            raise DriverError(Problem(code="heartbeat.lapsed", where=self._client.link.address))
+            raise DriverError(Problem(code=LAPSED, where=self._client.link.address))
 
     def loss_seen(self) -> None:
         """Take back the word that something was ended: an operator has seen it.
@@ -110,8 +164,14 @@ class Heartbeat:
         """
         self._client.request(LOSS_SEEN)
 
-    def _problems(self, look: HeartbeatLook) -> tuple[Problem, ...]:
-        return heartbeat_problems(look, self._machine, self._dialect, self._policy)
+    def _looked(self) -> tuple[HeartbeatLook, tuple[Problem, ...]]:
+        """Read the heartbeat, again where only the rate is off: a host that was held up sees a wrong one, too."""
+        for _ in range(RATE_READINGS):
+            look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
+            problems = heartbeat_problems(look, self._machine, self._dialect, self._policy)
+            if any(problem.code != RATE for problem in problems) or not problems:
+                break
+        return look, problems
 
     def _begin(self) -> Keeper:
         if self._keeper is None:
@@ -125,14 +185,26 @@ class Heartbeat:
         lost, lease = self._client.numbers(f"P{LOST}", lease_timer(self._dialect).name, again=True)
         return not lost and lease > cycles_of(PERIOD_MS, self._i10)
 
-    def _renewed(self) -> float:
-        """Renew the lease if it is due; return when the next renewal is."""
+    def _kept(self) -> Keeper | None:
+        """Return the keeper of what is guarded now, None when nothing is.
+
+        Raises:
+            DriverError: `heartbeat.lapsed`; nothing is guarded any more.
+        """
         keeper = self._keeper
         if not self._guarding or keeper is None:
-            return float("inf")
+            return None
+        if keeper.lapsed(self._clock.now_s()) and not self._lease_left():
+            self._guarding = False
+            raise DriverError(Problem(code=LAPSED, where=self._client.link.address))
+        return keeper
+
+    def _renewed(self) -> float:
+        """Renew the lease if it is due; return when the next renewal is."""
+        keeper = self._kept()
+        if keeper is None:
+            return math.inf
         now_s = self._clock.now_s()
-        if keeper.lapsed(now_s) and not self._lease_left():
-            raise DriverError(Problem(code="heartbeat.lapsed", where=self._client.link.address))
         if now_s >= keeper.due_s(now_s):
             self._keeper = keeper = keeper.renewed(now_s)
             self._client.request(keeper.line)

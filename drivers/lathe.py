@@ -13,19 +13,21 @@ from functools import partial
 
 from drivers.clock import Clock
 from drivers.cutting.table_state import table_problems
-from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
-from drivers.heartbeat import Heartbeat
+from drivers.errors import DriverError, LinkTimeoutError, RefusedError
+from drivers.heartbeat import LAPSED, Heartbeat
 from drivers.link.base import GONE
+from drivers.looks import LOOK_TIMEOUT_S, Looks
+from drivers.ownership import NOBODY, Ownership
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
-from drivers.pmac.heartbeat.lease import lease_condition
 from drivers.pmac.language.text import format_number
 from drivers.pmac.program_load import load_program
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import HOLD_FLAG
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.verification import differences
-from drivers.snapshot import AxisName, AxisState, Snapshot, read_snapshot, snapshot_items
+from drivers.sending import Sending
+from drivers.snapshot import AxisName, AxisState, Snapshot, SnapshotItems, driven_axes
 from drivers.stop import StopPath
 from drivers.travel import overrun_counts, refuse_beyond_travel
 from profiles.machine import MachineProfile
@@ -36,9 +38,6 @@ CUT_POLL_S = 0.023
 
 JOG_POLL_S = 0.1
 """Time between two looks at an axis on its way."""
-
-LOOK_TIMEOUT_S = 0.3
-"""How long a look may take, before it is tried once more: in a cut nothing else tells of a fault."""
 
 QUICK_LOOK_TIMEOUT_S = 0.1
 """The same while a stop is being proven, where the next repetition must not wait."""
@@ -55,11 +54,7 @@ REST_BAND_COUNTS = 1.0
 
 
 class Lathe:
-    """One machine at the end of one link. Methods that move check the stop first and wait for the end.
-
-    `has_moved` says whether anything that moves was ever sent. `round_trip_s` is how long the last look took
-    from its request to its reply.
-    """
+    """One machine at the end of one link. Methods that move check the stop first and wait for the end."""
 
     def __init__(
         self,
@@ -69,21 +64,22 @@ class Lathe:
         stop: StopPath,
         seen: Callable[[Snapshot], None] | None = None,
         heartbeat: Heartbeat | None = None,
+        ownership: Ownership | None = None,
     ) -> None:
         """`seen` is given every look that was read, in whatever wait; it must return at once and not raise.
 
-        With a `heartbeat` nothing moves unless the card would end it without this host.
+        With a `heartbeat` nothing moves unless the card would end it without this host. With an `ownership`
+        nothing but looks and stops goes out before `claim`.
+
+        Raises:
+            DriverError: `safety.bad_input`, in the profile.
         """
         self.machine = machine
         self.stop = stop
-        self.has_moved = False
-        self.round_trip_s = 0.0
+        self.ownership = ownership
         self._client = client
         self._clock = clock
-        self._seen = seen
         self._heartbeat = heartbeat
-        self._verified = False
-        self._seen_closed = False
         self._dialect = DIALECTS[machine.controller.family]
         self._controller = machine.controller
         self._motors = {
@@ -91,6 +87,20 @@ class Lathe:
             AxisName.SPINDLE: machine.spindle.motor,
             AxisName.CARRIAGE: machine.carriage.motor,
         }
+        self._driven = driven_axes(machine)
+        items = SnapshotItems(machine, self._dialect)
+        self._looks = Looks(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
+        self._sending = Sending(client, stop, self._looks, ownership)
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether anything that moves was ever sent."""
+        return self._sending.has_moved
+
+    @property
+    def round_trip_s(self) -> float:
+        """How long the last look took from its request to its reply."""
+        return self._looks.round_trip_s
 
     def connect(self) -> tuple[str, str]:
         """Set the link up; return version and type of the controller.
@@ -105,10 +115,37 @@ class Lathe:
             raise RefusedError(Problem(code="controller.family_differs", where=where, value=kind, limit=limit))
         return version, kind
 
+    def claim(self) -> None:
+        """Become the one console that controls the machine; without ownership there is nothing to claim.
+
+        Raises:
+            RefusedError: `owner.held`, another one does.
+            LinkError: the link broke.
+        """
+        if self.ownership is not None:
+            self.ownership.claim()
+
+    def take_over(self) -> int:
+        """Take the machine from whoever controls it, at rest; return the number of that console.
+
+        Raises:
+            RefusedError: `owner.moving`, nothing was written.
+            LinkError: the link broke.
+        """
+        if self.ownership is None:
+            return NOBODY
+        return self.ownership.take_over(at_rest=self.snapshot().at_rest)
+
+    def release(self) -> None:
+        """Give the machine back; a link that does not take it leaves it to the next one to take over."""
+        if self.ownership is not None:
+            with suppress(DriverError):
+                self.ownership.release()
+
     def verify(self) -> tuple[Problem, ...]:
         """Compare the controller's settings and axis definitions with the machine profile; nothing is written."""
         problems = differences(self._client, self._controller, self._dialect, self._motors.values())
-        self._verified = not problems
+        self._looks.verified = not problems
         return tuple(problems)
 
     def snapshot(self) -> Snapshot:
@@ -117,35 +154,14 @@ class Lathe:
         Raises:
             LinkError: the link broke or is out of step.
         """
-        try:
-            return self._read(LOOK_TIMEOUT_S)
-        except LinkTimeoutError:
-            return self._read(LOOK_TIMEOUT_S)
-
-    def _read(self, timeout_s: float) -> Snapshot:
-        sent_s = self._clock.now_s()
-        try:
-            replies = self._client.query(*snapshot_items(tuple(self._motors.values())), timeout_s=timeout_s)
-            at_s = self._clock.now_s()
-            snapshot = read_snapshot(replies, at_s, self._client.link.address, self._dialect)
-        except DriverError:
-            # What the drives do now is not known, so the stop must not rely on it.
-            self.stop.loops_closed = self._seen_closed = False
-            raise
-        # A motor that is not ours would be closed by the same control-A, so that must be known, too.
-        self.stop.loops_closed = snapshot.loops_closed and self._verified
-        self._seen_closed = snapshot.loops_closed
-        self.round_trip_s = at_s - sent_s
-        if self._seen is not None:
-            self._seen(snapshot)
-        return snapshot
+        return self._looks.look()
 
     def hands_clear(self) -> None:
         """Take somebody's word that nobody has hands in the machine any more; nothing is sent."""
         self.stop.hands_in = False
 
     def enable(self) -> None:
-        """Close the loops of all axes where they stand.
+        """Close the loops of all axes where they stand; a spindle on an inverter is none of them.
 
         Raises:
             RefusedError: `machine.hands_in`, the drives were switched off and nobody has said that it is clear;
@@ -153,10 +169,11 @@ class Lathe:
             DriverError: `machine.not_enabled`, an axis does not close.
         """
         self.stop.check()
+        self._sending.refuse_unless_owner()
         if self._heartbeat is not None and not self.stop.hands_in:
             self._heartbeat.prepare()
-        for motor in self._motors.values():
-            self._send_once(f"#{motor}J/")
+        for axis in self._driven:
+            self._sending.once(f"#{self._motors[axis]}J/")
         if not self.snapshot().loops_closed:
             raise DriverError(Problem(code="machine.not_enabled", where=self._client.link.address))
 
@@ -168,6 +185,7 @@ class Lathe:
         Raises:
             DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
         """
+        self._sending.refuse_unless_owner()
         self._refuse_moving(self.snapshot())
         self.stop.hands_in = True
         self.stop.switch_off()
@@ -181,6 +199,8 @@ class Lathe:
             DriverError: `machine.timeout` or `machine.fault`.
         """
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
+            if axis not in self._driven:
+                continue
             self._jog(f"#{self._motors[axis]}HM")
             self._wait(partial(_arrived, axis=axis, flag="home_complete"), timeout_s, f"home {axis}")
 
@@ -244,7 +264,7 @@ class Lathe:
     @property
     def lease(self) -> str:
         """The condition without which a cutting program ends by itself, empty when nobody keeps a lease."""
-        return "" if self._heartbeat is None else lease_condition(self._dialect)
+        return "" if self._heartbeat is None else self._heartbeat.condition
 
     def load(self, program: ProgramText, axis_definitions: tuple[str, ...] = ()) -> None:
         """Send a program, read it back and compare.
@@ -256,6 +276,7 @@ class Lathe:
             DriverError: `controller.program_differs`, the buffer does not hold what was sent.
         """
         self.stop.check()
+        self._sending.refuse_unless_owner()
         definitions = axis_definitions or self.machine.controller.axis_definitions
         self._controller = replace(self.machine.controller, axis_definitions=definitions)
         load_program(self._client, program)
@@ -268,6 +289,7 @@ class Lathe:
         """
         lines = tuple(lines)
         if lines:
+            self._sending.refuse_unless_owner()
             self._refuse_moving(self.snapshot())
             for line in lines:
                 self._client.request(line)
@@ -279,12 +301,15 @@ class Lathe:
         Raises:
             DriverError: the link broke, or the controller refused to answer.
         """
+        self._sending.refuse_unless_owner()  # a pointer of the console is written for it
         return table_problems(self._client, self.machine, self._dialect)
 
     def start(self, number: int, retracted_counts: float) -> None:
         """Run a loaded program. This moves the machine; the tool is out of the part at `retracted_counts`."""
-        line = f"&1B{number}R"
-        self._move(line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts))
+        line = f"B{number}R"
+        guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
+        # The system is addressed first: behind a value the & would be an operator of it.
+        self._sending.move(f"&1 {guarded}")
 
     def hold(self) -> None:
         """Ask the program to end at the end of the present turn and to retract; `follow` then sees its end.
@@ -295,6 +320,7 @@ class Lathe:
         Raises:
             LinkError: the link broke or is out of step; whether the program was told is unknown.
         """
+        self._sending.refuse_unless_owner()
         line = f"{HOLD_FLAG}=1"
         try:
             self._client.request(line, LOOK_TIMEOUT_S)
@@ -351,7 +377,7 @@ class Lathe:
 
     def _look(self) -> Snapshot | None:
         try:
-            return self._read(QUICK_LOOK_TIMEOUT_S)
+            return self._looks.look_once(QUICK_LOOK_TIMEOUT_S)
         except DriverError as error:
             if error.problems[0].code in GONE:
                 raise
@@ -395,48 +421,13 @@ class Lathe:
                 self._heartbeat.ended()
 
     def _jog(self, line: str) -> None:
-        self._move(line if self._heartbeat is None else self._heartbeat.jog(line))
+        self._sending.move(line if self._heartbeat is None else self._heartbeat.jog(line))
 
     def _pause(self, seconds: float) -> None:
         if self._heartbeat is None:
             self._clock.wait(seconds)
         else:
             self._heartbeat.pause(seconds)
-
-    def _move(self, line: str) -> None:
-        """Send a line that moves something, to axes that are under control: it must not close an open loop.
-
-        Raises:
-            RefusedError: `machine.not_enabled`, nothing was sent; and those of `_send_once`.
-        """
-        if not self._seen_closed and not self.snapshot().loops_closed:
-            raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
-        self._send_once(line)
-
-    def _send_once(self, line: str) -> None:
-        """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
-
-        Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
-
-        Raises:
-            StoppedError: before or behind it.
-            RefusedError: `machine.hands_in`, nothing was sent.
-        """
-        self.stop.check()
-        if self.stop.hands_in:
-            raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))
-        self.has_moved = True
-        try:
-            self._client.send(line)
-            if self.stop.reason is not None:
-                self.stop.repeat()
-            self._client.reply(line)
-        except LinkError:
-            self.stop.loops_closed = self._seen_closed = False
-            raise
-        if self.stop.reason is not None:
-            self.stop.repeat()
-        self.stop.check()
 
     def _wait(
         self,
@@ -447,9 +438,7 @@ class Lathe:
     ) -> Snapshot:
         deadline = self._clock.now_s() + timeout_s
         while True:
-            self._pause(JOG_POLL_S if watch is None else CUT_POLL_S)
-            self.stop.check()
-            snapshot = self.snapshot()
+            snapshot = self._next_look(JOG_POLL_S if watch is None else CUT_POLL_S, deadline)
             faults = snapshot.axis_faults if watch is None else snapshot.faults
             if faults:
                 self.stop.stop(faults[0])
@@ -463,6 +452,37 @@ class Lathe:
             if self._clock.now_s() > deadline:
                 self.stop.stop(f"{what}: {timeout_s:g} s")
                 raise DriverError(Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
+
+    def _next_look(self, pause_s: float, deadline: float) -> Snapshot:
+        """Let time pass with the lease kept, and look.
+
+        Raises:
+            DriverError: `heartbeat.lapsed`, what moved was ended by the card; `owner.ousted`, the machine is no
+                longer ours.
+            StoppedError: somebody stopped the machine.
+        """
+        try:
+            self._pause(pause_s)
+            self.stop.check()
+            snapshot = self.snapshot()
+        except DriverError as error:
+            if error.problems[0].code == LAPSED:
+                self._see_it_end(deadline)
+            raise
+        if self.ownership is not None:
+            self.ownership.refuse_ousted()
+        return snapshot
+
+    def _see_it_end(self, deadline: float) -> None:
+        """Look on while the card ends what has lost its host: a stop of ours would leave the tool in the part."""
+        heartbeat = self._heartbeat
+        assert heartbeat is not None  # it is what has told so
+        deadline = min(deadline, self._clock.now_s() + heartbeat.ends_within_s)
+        while self._clock.now_s() < deadline:
+            self.stop.check()
+            if self.snapshot().at_rest and not heartbeat.is_ending():
+                return
+            self._clock.wait(CUT_POLL_S)
 
 
 def _arrived(snapshot: Snapshot, axis: AxisName, flag: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import StrEnum, auto
 from random import Random, SystemRandom
 
-from drivers.errors import LinkError, RefusedError
+from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import OWNER
@@ -86,6 +86,18 @@ class Ownership:
         if self.standing is Standing.OWNER and int(self._read()) == self._number:
             self._client.request(f"{OWNER_ITEM}={NOBODY}")
         self.standing, self.holder = Standing.OBSERVER, NOBODY
+
+    def refuse_ousted(self) -> None:
+        """Make sure that what moves is still ours.
+
+        Raises:
+            DriverError: `owner.ousted`, another console has written its number over ours.
+        """
+        if self.standing is Standing.OUSTED:
+            value, limit = str(self.holder), str(self._number)
+            raise DriverError(
+                Problem(code="owner.ousted", where=self._client.link.address, value=value, limit=limit)
+            )
 
     def refuse_unless_owner(self) -> None:
         """Make sure that this console may command.

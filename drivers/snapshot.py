@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 
 from drivers.errors import LinkError
+from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.foreseen import number_of
 from drivers.pmac.status import decode
+from drivers.safety import inputs_of
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 FAULT_FLAGS = ("fatal_following_error", "amplifier_fault", "negative_limit", "positive_limit")
@@ -39,14 +44,28 @@ class AxisState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """Everything read in one request; `at_s` is machine time."""
+    """Everything read in one request, which went out at `asked_s` and was answered at `at_s` (machine time).
 
+    `driven` are the axes that the controller moves; a spindle on an inverter is only read. `owner` is the number
+    of the console that controls the machine, 0 nobody. `lost` is what the controller has ended without a host,
+    1 a jog, 2 a cut, 0 nothing. `inputs` are the safety devices that the controller sees, True where all is well.
+    """
+
+    asked_s: float
     at_s: float
     tool: AxisState
     spindle: AxisState
     carriage: AxisState
     program_running: bool
     runtime_error: bool
+    driven: tuple[AxisName, ...] = tuple(AxisName)
+    owner: int = 0
+    lost: int = 0
+    inputs: Mapping[str, bool] = field(default_factory=lambda: MappingProxyType({}))
+
+    def age_s(self, now_s: float) -> float:
+        """Return how old any of this may be: each value was read at some moment behind the request."""
+        return now_s - self.asked_s
 
     @property
     def axes(self) -> tuple[AxisState, AxisState, AxisState]:
@@ -58,8 +77,18 @@ class Snapshot:
         return dict(zip(AxisName, self.axes, strict=True))[name]
 
     @property
+    def driven_axes(self) -> tuple[AxisState, ...]:
+        """The axes that the controller moves."""
+        return tuple(self.axis(name) for name in self.driven)
+
+    @property
     def loops_closed(self) -> bool:
-        """Whether every axis is under control."""
+        """Whether every axis that the controller moves is under control."""
+        return all(axis.closed for axis in self.driven_axes)
+
+    @property
+    def nothing_open(self) -> bool:
+        """Whether no axis at all is in open loop: a control-A would close it, also one that is only followed."""
         return all(axis.closed for axis in self.axes)
 
     @property
@@ -80,12 +109,12 @@ class Snapshot:
     @property
     def in_position(self) -> bool:
         """Whether every axis has arrived."""
-        return not self.program_running and all("in_position" in a.flags for a in self.axes)
+        return not self.program_running and all("in_position" in a.flags for a in self.driven_axes)
 
     @property
     def homed(self) -> bool:
-        """Whether every axis has found its zero."""
-        return all("home_complete" in a.flags for a in self.axes)
+        """Whether every axis that the controller moves has found its zero."""
+        return all("home_complete" in a.flags for a in self.driven_axes)
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -99,43 +128,78 @@ class Snapshot:
         return tuple(f"{axis}: {name}" for axis, state in pairs for name in FAULT_FLAGS if name in state.flags)
 
     def near(self, other: Snapshot, counts: float) -> bool:
-        """Whether no axis is further than `counts` from where it was in `other`."""
-        return all(abs(a.position - b.position) <= counts for a, b in zip(self.axes, other.axes, strict=True))
+        """Whether no axis that the controller moves is further than `counts` from where it was in `other`."""
+        pairs = zip(self.driven_axes, other.driven_axes, strict=True)
+        return all(abs(a.position - b.position) <= counts for a, b in pairs)
 
 
-def snapshot_items(motors: Sequence[int]) -> tuple[str, ...]:
-    """Return what to ask for: position, following error and status of each motor, then the program's status."""
-    items = [item for motor in motors for item in (f"#{motor}P", "F", "?")]
-    return (*items, "&1??")
+def driven_axes(machine: MachineProfile) -> tuple[AxisName, ...]:
+    """Return the axes that the controller moves."""
+    return tuple(axis for axis in AxisName if axis is not AxisName.SPINDLE or not machine.spindle.followed)
+
+
+class SnapshotItems:
+    """What one request asks for: each motor, the program, the words of the console, the safety inputs."""
+
+    def __init__(self, machine: MachineProfile, dialect: Dialect) -> None:
+        """Read the inputs that the profile names.
+
+        Raises:
+            DriverError: `safety.bad_input`.
+        """
+        motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+        self.driven = driven_axes(machine)
+        self.inputs = inputs_of(machine.safety)
+        self._dialect = dialect
+        self.items = (
+            *(item for motor in motors for item in (f"#{motor}P", "F", "?")),
+            "&1??",
+            f"P{reserved.OWNER}",
+            f"P{reserved.LOST}",
+            *dict.fromkeys(each.item for each in self.inputs),
+        )
+
+    def read(self, replies: Sequence[str], asked_s: float, at_s: float, where: str) -> Snapshot:
+        """Make a snapshot of the replies to `items`.
+
+        Raises:
+            LinkError: `link.out_of_step`, a reply is not what was asked for.
+        """
+        try:
+            tool, spindle, carriage = self._axes(replies)
+            status, owner, lost, *words = replies[3 * ITEMS_PER_AXIS :]
+            system = decode(status, self._dialect.system_bits)
+            return Snapshot(
+                asked_s=asked_s,
+                at_s=at_s,
+                tool=tool,
+                spindle=spindle,
+                carriage=carriage,
+                program_running="running_program" in system,
+                runtime_error="runtime_error" in system,
+                driven=self.driven,
+                owner=int(number_of(owner)),
+                lost=int(number_of(lost)),
+                inputs=self._inputs(words),
+            )
+        except ValueError as error:
+            problem = Problem(code="link.out_of_step", where=where, key=" ".join(self.items), value=str(error))
+            raise LinkError(problem) from error
+
+    def _axes(self, replies: Sequence[str]) -> list[AxisState]:
+        starts = range(0, 3 * ITEMS_PER_AXIS, ITEMS_PER_AXIS)
+        return [
+            AxisState(position=float(position), following_error=float(error), flags=_flags(status, self._dialect))
+            for position, error, status in (replies[start : start + ITEMS_PER_AXIS] for start in starts)
+        ]
+
+    def _inputs(self, words: Sequence[str]) -> Mapping[str, bool]:
+        items = dict.fromkeys(each.item for each in self.inputs)
+        met = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
+        return MappingProxyType({each.device: each.is_good(met[each.item]) for each in self.inputs})
 
 
 def _flags(status: str, dialect: Dialect) -> frozenset[str]:
     """Return the flags of a motor. In open loop the card reports no desired velocity, and so none that is zero."""
     flags = decode(status, dialect.motor_bits)
     return flags | {"desired_velocity_zero"} if "open_loop" in flags else flags
-
-
-def read_snapshot(replies: Sequence[str], at_s: float, where: str, dialect: Dialect) -> Snapshot:
-    """Make a snapshot of the replies to `snapshot_items`.
-
-    Raises:
-        LinkError: `link.out_of_step`, a reply is not what was asked for.
-    """
-    try:
-        axes = [
-            AxisState(position=float(position), following_error=float(error), flags=_flags(status, dialect))
-            for position, error, status in (
-                replies[start : start + ITEMS_PER_AXIS] for start in range(0, len(replies) - 1, ITEMS_PER_AXIS)
-            )
-        ]
-        system = decode(replies[-1], dialect.system_bits)
-    except ValueError as error:
-        raise LinkError(Problem(code="link.out_of_step", where=where, key="P F ? ??", value=str(error))) from error
-    return Snapshot(
-        at_s=at_s,
-        tool=axes[0],
-        spindle=axes[1],
-        carriage=axes[2],
-        program_running="running_program" in system,
-        runtime_error="runtime_error" in system,
-    )

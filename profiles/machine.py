@@ -7,11 +7,11 @@ interpreted here, except that a safety limit of 0 is refused because 0 switches 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from profiles.fields import read_fields, schema_problem, spelled, unknown_keys
-from profiles.machine_fields import SECTIONS, TOP_FIELDS, read_assumed, read_variables
+from profiles.machine_fields import OPTIONAL_SECTIONS, SECTIONS, TOP_FIELDS, read_assumed, read_variables
 from profiles.machine_spindle import inverter_problems
 from profiles.problem import Problem, ProfileError
 
@@ -98,6 +98,11 @@ class Spindle:
     slip_rpm: float | None = None
 
     @property
+    def followed(self) -> bool:
+        """Whether the controller only reads it: it is switched and set at the lathe."""
+        return self.drive == "inverter"
+
+    @property
     def counts_per_rev(self) -> int:
         """Counts of one turn after interpolation."""
         return self.encoder_lines_per_rev * self.counts_per_line
@@ -135,8 +140,59 @@ class Chuck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HeartbeatPolicy:
+    """What the controller does with a cut whose console has fallen silent.
+
+    `policy` is "retract" (the tool goes out at the end of the turn), "finish" or "stop". `grace_ms` is what a cut
+    may take to get its tool out by itself before it is aborted; at 1100 a spindle turns at 100 rpm at least.
+    """
+
+    policy: str = "retract"
+    grace_ms: float = 1100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Safety:
+    """What guards the people at the machine: each device is "wired", "not fitted" or "unknown".
+
+    Somebody has to sign (`signed_by`) for what is not fitted; with anything unknown a real machine is not armed.
+    `inputs` says which of them the controller sees, in its language: "guard->Y:$FFC2,3=1", the bit and its value
+    when all is well.
+    """
+
+    emergency_stop: str = "unknown"
+    safe_torque_off: str = "unknown"
+    guard: str = "unknown"
+    enabling_device: str = "unknown"
+    chuck_closed: str = "unknown"
+    key_removed: str = "unknown"
+    spindle_permit: str = "unknown"
+    signed_by: str = ""
+    inputs: tuple[str, ...] = ()
+
+    @property
+    def devices(self) -> Mapping[str, str]:
+        """How each device is fitted, by its name."""
+        return {name: getattr(self, name) for name in SAFETY_DEVICES}
+
+
+SAFETY_DEVICES = (
+    "emergency_stop",
+    "safe_torque_off",
+    "guard",
+    "enabling_device",
+    "chuck_closed",
+    "key_removed",
+    "spindle_permit",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MachineProfile:
-    """One lathe. `assumed` names the dotted keys ("tool.home_radius_mm") that no source or sheet gives."""
+    """One lathe. `assumed` names the dotted keys ("tool.home_radius_mm") that no source or sheet gives.
+
+    `link` is the address of its controller ("ethernet:192.168.0.4"), empty where the command line has to say it.
+    """
 
     name: str
     controller: Controller
@@ -146,6 +202,9 @@ class MachineProfile:
     chuck: Chuck
     assumed: tuple[str, ...] = ()
     source: str = ""
+    link: str = ""
+    heartbeat: HeartbeatPolicy = field(default_factory=HeartbeatPolicy)
+    safety: Safety = field(default_factory=Safety)
     schema: int = 1
 
 
@@ -170,6 +229,8 @@ def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineP
         spindle=Spindle(**sections["spindle"]),
         carriage=Carriage(**sections["carriage"]),
         chuck=Chuck(**sections["chuck"]),
+        heartbeat=HeartbeatPolicy(**sections.get("heartbeat", {})),
+        safety=Safety(**sections.get("safety", {})),
         **values,
     )
 
@@ -179,6 +240,8 @@ def _read_sections(table: Mapping[str, Any], where: str, problems: list[Problem]
     sections: dict[str, dict[str, Any]] = {}
     given: dict[str, Any] | None = None
     for name, fields in SECTIONS.items():
+        if name in OPTIONAL_SECTIONS and name not in table:
+            continue
         inner = _table(table, name, where, problems)
         if inner is None:
             continue

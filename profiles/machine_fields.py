@@ -11,6 +11,8 @@ from profiles.problem import Problem
 
 FAMILIES = ("pmac", "turbo")
 SPINDLE_DRIVES = ("servo", "inverter")
+LOSS_POLICIES = ("retract", "finish", "stop")
+FITTED = ("wired", "not fitted", "unknown")
 
 # Suffixes (Ixx..) whose value 0 means "no limit" on this controller: following error, abort deceleration,
 # program velocity, program acceleration, jog acceleration.
@@ -45,6 +47,10 @@ def _travel(key: str) -> Field:
     return Field(key=key, unit="mm", at_least=-10_000, at_most=10_000)
 
 
+def _fitted(key: str) -> Field:
+    return Field(key=key, kind=Kind.CHOICE, choices=FITTED, default="unknown")
+
+
 _MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
 
 TOP_FIELDS: tuple[Field, ...] = (
@@ -52,7 +58,11 @@ TOP_FIELDS: tuple[Field, ...] = (
     Field(key="name", kind=Kind.TEXT),
     Field(key="source", kind=Kind.TEXT, default=""),
     Field(key="assumed", kind=Kind.TEXTS, default=()),
+    Field(key="link", kind=Kind.TEXT, default=""),
 )
+
+OPTIONAL_SECTIONS = frozenset({"heartbeat", "safety"})
+"""Sections that a profile may do without: every key of them has a default."""
 
 SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
@@ -112,6 +122,21 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("jaw_radius_mm", "mm", 1000),
             _positive("max_force_n", "N", 1_000_000),
             Field(key="safety_factor", at_least=1, at_most=10),
+        ),
+        "heartbeat": (
+            Field(key="policy", kind=Kind.CHOICE, choices=LOSS_POLICIES, default="retract"),
+            Field(key="grace_ms", unit="ms", above=0, at_most=60_000, default=1100.0),
+        ),
+        "safety": (
+            _fitted("emergency_stop"),
+            _fitted("safe_torque_off"),
+            _fitted("guard"),
+            _fitted("enabling_device"),
+            _fitted("chuck_closed"),
+            _fitted("key_removed"),
+            _fitted("spindle_permit"),
+            Field(key="signed_by", kind=Kind.TEXT, default=""),
+            Field(key="inputs", kind=Kind.TEXTS, default=()),
         ),
     }
 )

@@ -52,7 +52,8 @@ def opened_card(options: Namespace) -> Iterator[Card]:
         LinkError: it cannot be reached, or is no PMAC.
     """
     machine = machine_of(options)
-    address = SIMULATED if options.link is None else parse_address(options.link)
+    told = options.link or machine.machine.link
+    address = parse_address(told) if told else SIMULATED
     if isinstance(address, SimulatedAddress):
         with _simulated(machine) as link:
             yield _connected(link, machine.machine, simulated=True)

@@ -8,6 +8,8 @@ from pathlib import Path
 from console.session.paths import data_folder, jobs_folder, machines_folder
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
+DEFAULT_MACHINE = "lee-2001-lathe"
+
 
 def data_of(options: Namespace) -> Path:
     """Return the data folder of this call."""
@@ -29,4 +31,4 @@ def machine_of(options: Namespace) -> LoadedMachine:
     Raises:
         ProfileError: with every problem of it.
     """
-    return load_machine(options.machine, machines_folder(data_of(options)))
+    return load_machine(options.machine or DEFAULT_MACHINE, machines_folder(data_of(options)))

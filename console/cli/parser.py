@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import sys
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
@@ -13,9 +14,9 @@ if TYPE_CHECKING:
     from drivers.link.address import TcpAddress
     from drivers.simulator.control_address import ControlAddress
 
-DEFAULT_MACHINE = "lee-2001-lathe"
 STRATEGIES = ("none", "paper", "pvt", "cam", "timebase")
 DEFAULT_STRATEGY = "pvt"
+IDENTIFIED = ("pvt", "cam", "timebase")
 TS_LIMIT_MS = 1000
 DIALECTS = ("pmac", "turbo")
 PLANTS = ("ideal", "mounted", "realistic")
@@ -77,7 +78,9 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--version", action="store_true", help=text("help.version"))
     parser.add_argument("--json", action="store_true", help=text("help.json"))
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
-    parser.add_argument("--machine", metavar="NAME", default=DEFAULT_MACHINE, help=text("help.machine"))
+    parser.add_argument("--machine", metavar="NAME", help=text("help.machine"))
+    parser.add_argument("--link", metavar="ADDRESS", help=text("help.link"))
+    parser.add_argument("--trace", metavar="FILE", help=text("help.trace"))
     parser.add_argument("--data", metavar="FOLDER", help=text("help.data"))
     _language(parser, text)
     commands = parser.add_subparsers(
@@ -93,6 +96,7 @@ def build(text: Catalogue) -> Parser:
     _roundness(commands, text)
     _controller(commands, text)
     _doctor(commands, text)
+    _identify(commands, text)
     return parser
 
 
@@ -127,8 +131,10 @@ def _run(commands: _Commands, text: Catalogue) -> None:
     _job(parser, text)
     _machine(parser, text)
     parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.sim"))
+    parser.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
     _strategy(parser, text)
-    parser.add_argument("--trace", metavar="FILE", help=text("help.trace"))
+    parser.add_argument("--trace", metavar="FILE", default=argparse.SUPPRESS, help=text("help.trace"))
+    parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
 
 
 def _simulator(commands: _Commands, text: Catalogue) -> None:
@@ -168,7 +174,7 @@ def _controller(commands: _Commands, text: Catalogue) -> None:
         if takes_file:
             action.add_argument("file", metavar="FILE", help=text("help.backup_file"))
         _machine(action, text)
-        action.add_argument("--link", metavar="ADDRESS", help=text("help.link"))
+        action.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
         if name == "apply":
             action.add_argument("--yes", action="store_true", help=text("help.controller.yes"))
 
@@ -176,9 +182,26 @@ def _controller(commands: _Commands, text: Catalogue) -> None:
 def _doctor(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "doctor", text)
     _machine(parser, text)
-    parser.add_argument("--link", metavar="ADDRESS", help=text("help.link"))
+    parser.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
     parser.add_argument("--prove", action="store_true", help=text("help.prove"))
     parser.add_argument("--yes", action="store_true", help=text("help.doctor.yes"))
+
+
+def _identify(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "identify", text)
+    _machine(parser, text)
+    parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.identify.sim"))
+    parser.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
+    parser.add_argument(
+        "--strategy", choices=IDENTIFIED, default=DEFAULT_STRATEGY, help=text("help.identify.strategy")
+    )
+    parser.add_argument(
+        "--frequencies", metavar="HZ,HZ", type=_frequencies, help=text("help.identify.frequencies")
+    )
+    parser.add_argument("--amplitude", metavar="UM", type=_number, help=text("help.identify.amplitude"))
+    parser.add_argument("--periods", metavar="N", type=_whole, help=text("help.identify.periods"))
+    parser.add_argument("--trace", metavar="FILE", default=argparse.SUPPRESS, help=text("help.trace"))
+    parser.add_argument("--yes", action="store_true", help=text("help.identify.yes"))
 
 
 def _command(commands: _Commands, name: str, text: Catalogue, key: str = "") -> Parser:
@@ -232,6 +255,26 @@ def _ts(word: str) -> int:
 def _seed(word: str) -> int:
     if not (word.isascii() and word.isdigit()) or int(word) > SEED_LIMIT:
         raise argparse.ArgumentTypeError(Parser.text("usage.seed", value=word, limit=SEED_LIMIT))
+    return int(word)
+
+
+def _frequencies(word: str) -> tuple[float, ...]:
+    return tuple(_number(each) for each in word.split(","))
+
+
+def _number(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(Parser.text("usage.number", value=word))
+    return value
+
+
+def _whole(word: str) -> int:
+    if not (word.isascii() and word.isdigit()) or len(word) > 9:
+        raise argparse.ArgumentTypeError(Parser.text("usage.whole", value=word))
     return int(word)
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from contextlib import suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from console.cli.agreement import agreed
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
-from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,80 +21,137 @@ if TYPE_CHECKING:
     from console.session.records import RunRecord
     from console.session.run import RunPlan, RunResult
     from console.session.sequence import Shop, Step
+    from drivers.link.address import LinkAddress
     from drivers.link.tracing import Tracing
     from profiles.machine import MachineProfile
     from profiles.store import LoadedJob, LoadedMachine
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Run a job on the simulator, and print what became of it.
+    """Run a job, on a machine or simulated, and print what became of it; 1 when nobody agreed to move a machine.
 
     Raises:
         ProblemError: a refusal before anything moved, or what ended the cut; the machine is at rest.
     """
     interruption = Interruption()
     interruption.install()
-    if not options.sim:
-        raise SessionError(Problem(code="session.no_machine"))
     # Numerics take longer to load than the whole command line; the signals are already in hand.
     from console.cli.library import data_of, job_of, machine_of
     from console.cli.output import print_json
+    from console.cli.run_report import fields, lines
     from console.cli.warn import tell as tell_problems
     from console.cli.warn import tell_warnings
-    from console.session.records import RunRecord
-    from console.session.run import plan_run
-    from drivers.cut import Strategy
+    from console.session.run import run
+    from console.session.whereabouts import address_of
+    from drivers.link.address import SimulatedAddress
     from drivers.link.tracing import Tracing
-    from drivers.pmac.dialect import DIALECTS
-    from drivers.pmac.heartbeat.lease import lease_condition
 
     job, machine = job_of(options), machine_of(options)
-    lease = lease_condition(DIALECTS[machine.machine.controller.family])
-    strategy, where = Strategy(options.strategy), str(job.path)
-    plan = plan_run(job.job, machine.machine, strategy, options.ts, where, lease=lease)
+    address = None if options.sim else address_of(machine.machine, options.link, simulated=False)
+    plan = _planned(options, job, machine.machine)
     warnings = tell_warnings(plan, text)
+    if address is not None and not _agreed(options, plan, address, text):
+        return 1
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {job.job.name}")
-    record = RunRecord(data_of(options), _described(job, machine, plan))
-    tell = _teller(options, text, interruption, record.add)
-    open_shop = _simulated_shop(machine.machine, interruption, tracing)
+    simulated = address is None or isinstance(address, SimulatedAddress)
+    record = _record(data_of(options), job, machine, plan, simulated=simulated)
+    tell = _teller(options, text, interruption, record.add, simulated=simulated)
     try:
-        result = _recorded(plan, record, open_shop, tell, warnings)
+        if address is None:
+            open_shop = _simulated_shop(machine.machine, interruption, tracing)
+            result = _recorded(record, warnings, plan, lambda: run(plan, open_shop, tell))
+        else:
+            work = partial(_run_there, options, machine, address, plan, interruption, tracing, tell)
+            result = _recorded(record, warnings, plan, work)
     finally:
         warnings += tell_problems(tracing.problems, text)
     if options.json:
-        print_json(_fields(result, warnings))
+        print_json(fields(result, warnings))
     else:
-        print("\n".join(_lines(result, text)))
+        print("\n".join(lines(result, text)))
     return 0
 
 
-def _described(job: LoadedJob, machine: LoadedMachine, plan: RunPlan) -> dict[str, object]:
+def _planned(options: Namespace, job: LoadedJob, machine: MachineProfile) -> RunPlan:
+    from console.session.run import plan_run
+    from drivers.cut import Strategy
+    from drivers.heartbeat import cut_condition
+
+    strategy, where = Strategy(options.strategy), str(job.path)
+    return plan_run(job.job, machine, strategy, options.ts, where, lease=cut_condition(machine))
+
+
+def _agreed(options: Namespace, plan: RunPlan, address: LinkAddress, text: Catalogue) -> bool:
+    """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
+    from drivers.link.address import SimulatedAddress
+
+    machine, job = plan.machine, plan.job
+    rests_on = text(
+        "run.rests_on",
+        machine=machine.name,
+        address=address,
+        radius=f"{machine.tool.home_radius_mm:.3f}",
+        jaw=f"{job.lobe_phase_deg:.2f}",
+        force=f"{job.chucking_force_n:.0f}",
+    )
+    print(rests_on, file=sys.stderr)
+    return agreed(options, machine.name, isinstance(address, SimulatedAddress), text, "run")
+
+
+def _run_there(
+    options: Namespace,
+    machine: LoadedMachine,
+    address: LinkAddress,
+    plan: RunPlan,
+    interruption: Interruption,
+    tracing: Tracing,
+    tell: Callable[[str, Step, str], None],
+) -> RunResult:
+    """Cut one part on a machine behind a link, and leave it with its drives off."""
+    from console.cli.library import data_of
+    from console.session.commissioned import Commissioned
+    from console.session.machine_run import leave, machine_shop
+    from console.session.reaching import reach
+    from console.session.run import run_once
+
+    data = data_of(options)
+    reached = reach(machine, address, data, tracing)
+    try:
+        interruption.guard(reached.stop)
+        commissioned = Commissioned(reached.client, machine.machine, data, simulated=reached.simulated)
+        return run_once(plan, machine_shop(reached, commissioned), tell)
+    finally:
+        leave(reached)
+        reached.close()
+
+
+def _record(data: Path, job: LoadedJob, machine: LoadedMachine, plan: RunPlan, *, simulated: bool) -> RunRecord:
+    from console.session.records import RunRecord
+
+    return RunRecord(data, _described(job, machine, plan, simulated=simulated))
+
+
+def _described(job: LoadedJob, machine: LoadedMachine, plan: RunPlan, *, simulated: bool) -> dict[str, object]:
     return {
         "software": f"trilobe {version('trilobe')}",
         "job": job.job.name,
         "job_sha256": job.sha256,
         "machine": machine.machine.name,
         "machine_sha256": machine.sha256,
-        "simulated": 1,
+        "simulated": int(simulated),
         "strategy": plan.cut.strategy.value,
         "program": plan.cut.text,
     }
 
 
-def _recorded(
-    plan: RunPlan,
-    record: RunRecord,
-    open_shop: Callable[[], Shop],
-    tell: Callable[[str, Step, str], None],
-    warnings: list[str],
-) -> RunResult:
+def _recorded(record: RunRecord, warnings: list[str], plan: RunPlan, work: Callable[[], RunResult]) -> RunResult:
     """Run, and keep in the record how it went, however it ends."""
-    from console.session.run import run
+    from console.cli.run_report import fields
 
     try:
         record.add("planned", {"warnings": warnings, "duration_s": plan.cut.duration_s})
-        result = run(plan, open_shop, tell)
-        record.add("result", _fields(result, warnings))
+        result = work()
+        record.add("result", fields(result, warnings))
     except BaseException as error:
         # What ended the run matters more than a record that cannot take it.
         with suppress(SessionError):
@@ -138,8 +196,11 @@ def _teller(
     text: Catalogue,
     interruption: Interruption,
     keep: Callable[[str, dict[str, object]], None],
+    *,
+    simulated: bool,
 ) -> Callable[[str, Step, str], None]:
     """Return what is told at each step: a line for people, an event for the record."""
+    sim = f"{text('sim')}  " if simulated else ""
 
     def tell(part: str, step: Step, detail: str) -> None:
         keep("step", {"part": part, "step": step.value, "detail": detail})
@@ -148,66 +209,10 @@ def _teller(
         if step.value == "cut":
             detail = f"{detail} · {text('run.how_to_stop')}"
         try:
-            print(f"{text('sim')}  {text(f'part.{part}')}  {text(f'step.{step}')}  {detail}".rstrip())
+            print(f"{sim}{text(f'part.{part}')}  {text(f'step.{step}')}  {detail}".rstrip())
             sys.stdout.flush()
         except OSError:
             # Nobody can see the machine any more, so it is not to go on.
             interruption.end("output closed")
 
     return tell
-
-
-def _fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
-    from console.cli.output import roundness_fields
-
-    plan, figures = result.plan, result.figures
-    return {
-        "job": plan.job.name,
-        "machine": plan.machine.name,
-        "simulated": result.simulated,
-        "strategy": plan.cut.strategy.value,
-        "spindle_rpm": figures.spindle_speed_rpm,
-        "lobe_frequency_hz": result.lobe_frequency_hz,
-        "before": roundness_fields(result.before),
-        "after": roundness_fields(result.after),
-        "improvement_percent": result.improvement_percent,
-        "roundness_tolerance_um": plan.job.roundness_tolerance_um,
-        "within_tolerance": result.within_tolerance,
-        "tool_error_um": figures.tool_error_um,
-        "tool_error_rms_um": figures.tool_error_rms_um,
-        "following_error_um": figures.following_error_um,
-        "following_error_rms_um": figures.following_error_rms_um,
-        "telemetry_samples": figures.samples,
-        "segment_ms": plan.cut.segment_ms,
-        "cut_duration_s": plan.cut.duration_s,
-        "warnings": warnings,
-        "collisions": list(result.collisions),
-    }
-
-
-def _lines(result: RunResult, text: Catalogue) -> list[str]:
-    from console.session.collisions import collision_problems
-    from console.text.columns import table
-
-    job, before, after, figures = result.plan.job, result.before, result.after, result.figures
-    circle = f"RONt ({before.reference_circle}, {before.filter_upr:g} UPR, {text(f'state.{before.state}')})"
-    lobe = text("run.harmonic", n=job.jaws)
-    rows = [("", text("part.before"), text("part.after"), "")]
-    rows += [(circle, f"{before.ront_um:.2f}", f"{after.ront_um:.2f}", "um")]
-    rows += [(lobe, f"{before.amplitude_um(job.jaws):.2f}", f"{after.amplitude_um(job.jaws):.2f}", "um")]
-    verdict = text(
-        "run.within" if result.within_tolerance else "run.outside", limit=f"{job.roundness_tolerance_um:g}"
-    )
-    facts = [
-        (text("run.improvement"), f"{result.improvement_percent:.1f} %"),
-        (text("run.spindle"), f"{figures.spindle_speed_rpm:.1f} rpm, {result.lobe_frequency_hz:.2f} Hz"),
-        (text("run.tool_error"), f"{figures.tool_error_um:.2f} um, rms {figures.tool_error_rms_um:.2f} um"),
-        (
-            text("run.following"),
-            f"{figures.following_error_um:.2f} um, rms {figures.following_error_rms_um:.2f} um",
-        ),
-        (text("run.verdict"), verdict),
-    ]
-    facts += [(text("run.collision"), text.problem(met)) for met in collision_problems(result.collisions)]
-    head = f"{text('sim')}  {job.name} · {result.plan.machine.name} · {result.plan.cut.strategy}"
-    return ["", head, "", *table(rows, numeric=(1, 2)), "", *table(facts), text("run.simulated")]

@@ -36,7 +36,7 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     place.tell(armed=None)
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     machine = place.machine
-    refuse_unless(of_job(job, machine))
+    refuse_unless(of_job(job, machine), _commissioned(place))
     turn, lease = _nearest_turn(place, job, order), place.lathe.lease
     plan = plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease)
     refuse_unless(of_program(plan))
@@ -126,6 +126,11 @@ def _go_to_start(place: Workplace, plan: CutPlan) -> None:
 def _refuse_unless_ready(place: Workplace, plan: CutPlan, *, starting: bool) -> None:
     locks = of_machine(place.lathe.snapshot(), plan, place.lathe.verify())
     refuse_unless(*(lock for lock in locks if starting or lock.name != AT_START))
+
+
+def _commissioned(place: Workplace) -> Interlock:
+    problems = () if place.commissioned is None else place.commissioned.problems(place.lathe.snapshot())
+    return Interlock(name="commissioned", problems=problems)
 
 
 def _refuse_tables(place: Workplace) -> None:

@@ -106,6 +106,11 @@ class Recover:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TakeOver:
+    """Take the machine from the console that controls it, at rest. Nothing moves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
     """Release the part and take its roundness trace (the simulated gauge)."""
 
@@ -132,6 +137,7 @@ Intent = (
     | Hold
     | Retract
     | Recover
+    | TakeOver
     | Measure
     | Acknowledge
 )

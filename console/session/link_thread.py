@@ -127,7 +127,9 @@ class LinkThread:
         self._ending = self._ending or reason
         self._must_leave = self._must_leave or must_leave
         # A signal may come between an order and its beginning, where nothing is known of it yet.
-        if self._opened is not None and (must_leave or self.state.may_move or self.state.activity not in IDLE):
+        state = self.state
+        concerned = state.controls and (must_leave or state.may_move or state.activity not in IDLE)
+        if self._opened is not None and concerned:
             self._opened.stop.stop(reason)
         self._wake.put(None)
 
@@ -153,8 +155,9 @@ class LinkThread:
         self._opened, self._at_rest = opened, False
         station = opened.station
         try:
-            if self._stopped is not None or self._ending is not None:
-                opened.stop.stop(self._stopped or self._ending or "")
+            # Who ends before it is known whose the machine is has moved nothing: it may move for somebody else.
+            if self._stopped is not None:
+                opened.stop.stop(self._stopped)
             if self._ending is None and not station.connect():
                 self._wait_until(lambda: self._ending is not None)
             while self._ending is None:

@@ -1,36 +1,28 @@
-"""Opening a machine for the screen: today the simulated one, in a process of its own behind a serial line."""
+"""Opening a machine for the screen: its link, its lathe, and the station that works them."""
 
 from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
 
+from console.session.commissioned import Commissioned
 from console.session.link_thread import Opened
+from console.session.reaching import reach
 from console.session.station import Station
 from console.session.workplace import Workplace
-from drivers.clock import RealClock
-from drivers.lathe import Lathe
-from drivers.link.serial import SerialLink
-from drivers.pmac.client import PmacClient
-from drivers.simulator.process import SimulatorProcess
+from drivers.link.address import LinkAddress
+from drivers.link.tracing import Tracing
 from drivers.snapshot import Snapshot
-from drivers.stop import StopPath
 from profiles.store import LoadedMachine
 
 
-def open_simulated(machine: LoadedMachine, records: Path) -> Opened:
-    """Start the simulated lathe and connect to it as to a real one.
+def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
+    """Connect to a machine; a simulated one is started first, and connected to as to a real one.
 
     Raises:
-        LinkError: `simulator.not_started`, `link.no_device`.
+        LinkError: each way to fail with a code of its own; `simulator.not_started`.
+        DriverError: `safety.bad_input`, in the profile.
     """
-    process = SimulatorProcess.start(machine.path)
-    try:
-        link = SerialLink(process.address)
-    except BaseException:
-        process.close()
-        raise
-    clock, stop = RealClock(), StopPath(link)
     # Looks come when station and lathe both stand; the first is made by `connect`.
     seen: list[Station] = []
 
@@ -38,18 +30,20 @@ def open_simulated(machine: LoadedMachine, records: Path) -> Opened:
         for station in seen:
             station.seen(snapshot)
 
-    lathe = Lathe(PmacClient(link, clock), machine.machine, clock, stop, tell)
+    reached = reach(machine, address, data, tracing, tell)
     place = Workplace(
-        lathe=lathe, machine=machine, clock=clock, shop=process, records=records, local_time=_local_time
+        lathe=reached.lathe,
+        owning=reached.owning,
+        machine=machine,
+        clock=reached.clock,
+        shop=reached.shop,
+        records=data,
+        local_time=_local_time,
+        commissioned=Commissioned(reached.client, machine.machine, data, simulated=reached.simulated),
     )
-    place.tell(address=str(process.address))
+    place.tell(address=reached.address)
     seen.append(Station(place))
-
-    def close() -> None:
-        link.close()
-        process.close()
-
-    return Opened(station=seen[0], stop=stop, close=close)
+    return Opened(station=seen[0], stop=reached.stop, close=reached.close)
 
 
 def _local_time() -> str:

@@ -31,6 +31,7 @@ from console.session.intents import (
     SwitchOff,
     SwitchOn,
     TakeJaw,
+    TakeOver,
     TakeTouchOff,
     Verify,
 )
@@ -48,6 +49,9 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.rules import Severity, force_as_measured
 
+OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
+"""Alarms that a take-over settles."""
+
 TOUCH_OFF_BAND_MM = 1.5
 """How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
 
@@ -62,8 +66,21 @@ OVER_PART_MM = 2.0
 
 
 def verify(place: Workplace, _: Verify) -> None:
-    """Compare the controller with its profile."""
-    place.tell(alignment=replace(place.state.alignment, settings=place.lathe.verify()))
+    """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
+    settings = place.lathe.verify()
+    if place.state.controls:
+        settings = (*settings, *place.lathe.tables_left())
+        if place.commissioned is not None:
+            place.commissioned.take_fingerprint()
+    place.tell(alignment=replace(place.state.alignment, settings=settings))
+
+
+def take_over(place: Workplace, order: TakeOver) -> None:
+    """Take control of the machine, whoever had it. What was aligned from another console is not known here."""
+    place.owning.take_over()
+    place.tell_standing()
+    place.tell(alarms=cleared(place.state.alarms, *OWNER_CODES))
+    verify(place, Verify())
 
 
 def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
@@ -183,7 +200,8 @@ def forget(place: Workplace, _: Forget) -> None:
 def recover(place: Workplace, _: Recover) -> None:
     """The operator goes on after a stop; nothing moves, and what moved does not go on."""
     place.lathe.stop.release()
-    place.lathe.acknowledge_loss()
+    if place.state.controls:
+        place.lathe.acknowledge_loss()
     gone = cleared(place.state.alarms, *(alarm.problem.code for alarm in place.state.alarms))
     place.tell(stop=None, armed=None, alarms=gone)
     place.lathe.snapshot()
@@ -278,6 +296,7 @@ ORDERS: dict[type[Any], tuple[Activity, Callable[[Workplace, Any], None]]] = {
     Start: (Activity.POSITIONING, start),
     Retract: (Activity.RETRACTING, retract),
     Recover: (Activity.STOPPED, recover),
+    TakeOver: (Activity.VERIFYING, take_over),
     Measure: (Activity.MEASURING, measure),
 }
 """What is shown while an order is carried out, and what does it. Hold and Acknowledge wait for no turn."""

@@ -34,19 +34,23 @@ class RunPlan:
 class RunResult:
     """What was done: `before` is the same job cut without compensation, `after` with the strategy.
 
+    What nobody has cut or measured is None.
+
     `collisions` is what the tool has run into in either, each kind once.
     """
 
     plan: RunPlan
     simulated: bool
-    before: RoundnessResult
-    after: RoundnessResult
+    before: RoundnessResult | None
+    after: RoundnessResult | None
     figures: CutFigures
     collisions: tuple[str, ...]
 
     @property
-    def improvement_percent(self) -> float:
+    def improvement_percent(self) -> float | None:
         """How much of the roundness error is gone."""
+        if self.before is None or self.after is None:
+            return None
         if self.before.ront_um == 0.0:
             return 0.0
         return 100.0 * (self.before.ront_um - self.after.ront_um) / self.before.ront_um
@@ -57,9 +61,9 @@ class RunResult:
         return self.plan.job.jaws * self.figures.spindle_speed_rpm / 60.0
 
     @property
-    def within_tolerance(self) -> bool:
+    def within_tolerance(self) -> bool | None:
         """Whether the part is as round as the job asks."""
-        return self.after.ront_um <= self.plan.job.roundness_tolerance_um
+        return None if self.after is None else self.after.ront_um <= self.plan.job.roundness_tolerance_um
 
 
 def plan_run(
@@ -112,6 +116,25 @@ def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step,
     )
 
 
-def _roundness(outcome: CutOutcome) -> RoundnessResult:
+def run_once(plan: RunPlan, shop: Shop, tell: Callable[[str, Step, str], None]) -> RunResult:
+    """Cut the compensated part alone, on a machine that is there.
+
+    Raises:
+        ProblemError: what went wrong; see `cut_part`.
+    """
+    after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell("after", step, detail))
+    return RunResult(
+        plan=plan,
+        simulated=shop.simulated,
+        before=None,
+        after=_roundness(after),
+        figures=after.figures,
+        collisions=after.collisions,
+    )
+
+
+def _roundness(outcome: CutOutcome) -> RoundnessResult | None:
     trace = outcome.trace
+    if trace is None:
+        return None
     return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])

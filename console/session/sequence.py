@@ -39,23 +39,29 @@ class Step(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shop:
-    """A machine with a way to clamp a new blank and to measure the part that comes off.
+    """A machine with a way to clamp a new blank and to measure the part that comes off; None: the operator does.
 
-    `collisions` says what the tool has run into since that was clamped, as far as somebody can tell.
+    `collisions` says what the tool has run into since that was clamped, as far as somebody can tell. `admit` is
+    called once the machine answers, before anything is written; `judge` says before the cut what is against it.
     """
 
     lathe: Lathe
     clamp: Callable[[Job], None]
-    measure: Callable[[], Trace]
+    measure: Callable[[], Trace] | None
     simulated: bool
     collisions: Callable[[], tuple[str, ...]] = tuple
+    admit: Callable[[], None] = lambda: None
+    judge: Callable[[], Interlock] = lambda: Interlock(name="commissioned")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutOutcome:
-    """The trace of the released part, the figures read during the cut, and what the tool has run into."""
+    """The trace of the released part, the figures read during the cut, and what the tool has run into.
 
-    trace: Trace
+    Without a gauge there is no trace.
+    """
+
+    trace: Trace | None
     figures: CutFigures
     collisions: tuple[str, ...]
 
@@ -74,6 +80,7 @@ def cut_part(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
     lathe = shop.lathe
     version, kind = lathe.connect()
     try:
+        shop.admit()
         tell(Step.LOAD, f"{kind} {version}")
         _prepare(lathe, plan, tell)
         return _steps(shop, job, plan, tell)
@@ -101,15 +108,18 @@ def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
     tell(Step.ALIGN, "")
     _align(shop, job, plan)
     tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
-    refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()))
+    refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()), shop.judge())
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
     figures = _cut(lathe, job, plan)
     lathe.restore(plan.restore)
     refuse_unless(Interlock(name="no_table", problems=lathe.tables_left()))
     tell(Step.RETRACT, "")
     _prove_retracted(lathe, plan)
-    tell(Step.MEASURE, "")
-    return CutOutcome(trace=shop.measure(), figures=figures, collisions=shop.collisions())
+    trace = None
+    if shop.measure is not None:
+        tell(Step.MEASURE, "")
+        trace = shop.measure()
+    return CutOutcome(trace=trace, figures=figures, collisions=shop.collisions())
 
 
 def _align(shop: Shop, job: Job, plan: CutPlan) -> None:

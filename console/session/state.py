@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from console.session.alarms import Alarms
 from console.session.alignment import Alignment
+from drivers.ownership import NOBODY, Standing
 from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import Snapshot
 from profiles.problem import Problem
@@ -120,10 +121,13 @@ class StationState:
     `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
     job, that was cut without compensation and measured. `refusals` answer the last order, and go with the next.
     `spindle_rpm` is None while too little was seen of it. `stops` counts those that were settled. `marks_mm` is
-    where stops left the tool in the clamped part while it turned, mm behind its face.
+    where stops left the tool in the clamped part while it turned, mm behind its face. `standing` is what this
+    console is to the machine, `holder` the number of the one that controls it.
     """
 
     activity: Activity = Activity.CONNECTING
+    standing: Standing = Standing.OWNER
+    holder: int = NOBODY
     simulated: bool = True
     machine: str = ""
     address: str = ""
@@ -152,9 +156,15 @@ class StationState:
         return self.activity is not Activity.LOST and self.may_move
 
     @property
+    def controls(self) -> bool:
+        """Whether this console controls the machine; another one may be why it moves."""
+        return self.standing is Standing.OWNER
+
+    @property
     def may_move(self) -> bool:
-        """Whether something moves, or must be taken to: a machine that was lost in motion."""
-        return self.activity in MOVING or (self.snapshot is not None and not self.snapshot.at_rest)
+        """Whether something of ours moves, or must be taken to: a machine that was lost in motion."""
+        moves = self.activity in MOVING or (self.snapshot is not None and not self.snapshot.at_rest)
+        return self.controls and moves
 
     def is_stale(self, now_s: float) -> bool:
         """Whether what is shown was seen too long ago, or will not be seen again."""

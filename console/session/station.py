@@ -17,7 +17,7 @@ from console.session.alignment import observed
 from console.session.clearance import behind_face_mm, tool_in_part
 from console.session.collisions import COLLISION_CODES, collision_problems
 from console.session.errors import SessionError
-from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, Verify
+from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
 from console.session.orders import ORDERS
 from console.session.progress import PHASE_LIMIT_DEG, RUNNING, CutStage
 from console.session.spindle import SpindleWatch
@@ -25,6 +25,8 @@ from console.session.state import IDLE, MOVING, Activity, StationState, StopStat
 from console.session.workplace import Workplace
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.link.base import GONE
+from drivers.ownership import Standing
+from drivers.pmac.heartbeat.arming import lost_problem
 from drivers.snapshot import Snapshot
 from drivers.stop import StoppedError
 from profiles.problem import Problem, ProblemError
@@ -37,6 +39,10 @@ SIGHT_PERIOD_S = 0.15
 
 SIGHT_PERIOD_IN_MOTION_S = 1.0
 """The same while something moves, when looks and leases come first; what the tool runs into is to be told."""
+
+
+OBSERVERS_ORDERS = (Verify, Recover, TakeOver)
+"""What a console may ask for that only looks on; a stop needs nobody's leave."""
 
 
 class Station:
@@ -71,6 +77,7 @@ class Station:
             looked_s=place.clock.now_s(),
             round_trip_ms=1000.0 * place.lathe.round_trip_s,
         )
+        place.tell_standing()
         if place.seen is not None:
             place.seen(snapshot)
             self._watch_phase()
@@ -88,8 +95,19 @@ class Station:
             self._place.tell(activity=Activity.LOST)
             return False
         self._place.tell(controller=f"{kind} {version}", activity=Activity.VERIFYING)
+        self._claim()
         self._carry_out(Verify())
         return True
+
+    def _claim(self) -> None:
+        """Take control of the machine, or look on where that is not to be had."""
+        place = self._place
+        try:
+            place.owning.claim()
+        except ProblemError as error:
+            for problem in error.problems:
+                place.alarm(problem, Priority.MEDIUM)
+        place.tell_standing()
 
     def post(self, intent: Intent) -> bool:
         """Take an order, from any thread; False where it is refused because the machine is busy."""
@@ -102,6 +120,8 @@ class Station:
         with self._slot:
             if place.state.activity is Activity.LOST:
                 return self._refuse(Problem(code="session.lost"))
+            if not place.state.controls and not isinstance(intent, OBSERVERS_ORDERS):
+                return self._refuse(Problem(code="owner.observer", value=str(place.state.holder)))
             if place.state.activity not in IDLE or self._order is not None:
                 return self._refuse(Problem(code="session.busy"))
             if place.state.stop is not None and not isinstance(intent, Recover):
@@ -138,12 +158,13 @@ class Station:
     def close(self, reason: str) -> None:
         """Leave the machine at rest with its drives off, as far as it can be told. Never raises."""
         place, lathe = self._place, self._place.lathe
-        if lathe.has_moved:
+        if lathe.has_moved and self.state.controls:
             if self.state.may_move or lathe.stop.reason is not None:
                 lathe.stop.stop(reason)
                 self._settle()
             lathe.stop.kill(reason)
             self._settle()
+        place.owning.release()
         place.end_record()
 
     def _hold(self) -> bool:
@@ -173,9 +194,10 @@ class Station:
 
     def _look(self) -> None:
         snapshot = self._place.lathe.snapshot()
+        self._watch_ownership(snapshot)
         faults = snapshot.axis_faults
         problem = Problem(code="machine.fault", key="look", value=", ".join(faults))
-        if faults and not snapshot.loops_open:
+        if faults and not snapshot.loops_open and self.state.controls:
             self._place.lathe.stop.stop(faults[0])
             raise DriverError(problem)
         if faults and not any(alarm.problem == problem for alarm in self._place.state.alarms):
@@ -339,6 +361,16 @@ class Station:
         for kind, problem in zip(fresh, collision_problems(fresh), strict=True):
             place.alarm(problem)
             self._note("collision", met=kind)
+
+    def _watch_ownership(self, snapshot: Snapshot) -> None:
+        """Say once that somebody else has taken the machine, and what the card has ended without its host."""
+        place = self._place
+        known = {alarm.problem.code for alarm in place.state.alarms}
+        if place.state.standing is Standing.OUSTED and "owner.ousted" not in known:
+            place.tell(armed=None)
+            place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
+        if snapshot.lost and "heartbeat.lost" not in known:
+            place.alarm(lost_problem(snapshot.lost))
 
     def _watch_phase(self) -> None:
         """Say once for each cut that tool and lobe are not in phase."""

@@ -10,11 +10,14 @@ from typing import Any, Protocol
 
 from console.session.alarms import Priority, raised
 from console.session.alignment import aligned_machine
+from console.session.commissioned import Commissioned
+from console.session.owning import Owning
 from console.session.records import RunRecord
 from console.session.state import Armed, StationState
 from drivers.clock import Clock
 from drivers.cut import CutPlan
 from drivers.lathe import Lathe
+from drivers.ownership import Standing
 from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import Snapshot
 from profiles.job import Job
@@ -48,13 +51,18 @@ class Workplace:
         self,
         *,
         lathe: Lathe,
+        owning: Owning,
         machine: LoadedMachine,
         clock: Clock,
         shop: ShopFloor | None,
         records: Path,
         local_time: Callable[[], str],
+        commissioned: Commissioned | None = None,
     ) -> None:
+        """Without `commissioned` nobody asks for stop record, fingerprint and safety devices: for tests alone."""
         self.lathe = lathe
+        self.owning = owning
+        self.commissioned = commissioned
         self.loaded_machine = machine
         self.clock = clock
         self.shop = shop
@@ -67,7 +75,8 @@ class Workplace:
         self.hold_asked = False
         self.holding = False
         self._lock = threading.Lock()
-        self._state = StationState(simulated=shop is not None, machine=machine.machine.name)
+        name = machine.machine.name
+        self._state = StationState(simulated=shop is not None, machine=name, standing=Standing.OBSERVER)
 
     @property
     def state(self) -> StationState:
@@ -83,6 +92,14 @@ class Workplace:
         """Publish a state with these fields changed."""
         with self._lock:
             self._state = replace(self._state, **changes)
+
+    def tell_standing(self) -> None:
+        """Publish who controls the machine."""
+        ownership = self.lathe.ownership
+        if ownership is None:
+            self.tell(standing=Standing.OWNER)
+        else:
+            self.tell(standing=ownership.standing, holder=ownership.holder)
 
     def alarm(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
         """Raise an alarm."""

@@ -39,6 +39,9 @@ SMALLEST = (60, 18)
 SMALLEST_TO_MOVE = (80, 24)
 """Columns and rows below which pages are shown, but nothing that moves can be ordered."""
 
+TAKE_OVER_WITHIN_S = 5.0
+"""How soon the key that takes a machine over has to be pressed again."""
+
 PAGE_CLASSES = {
     PageName.JOBS: ("console.tui.pages.jobs", "JobsPage"),
     PageName.SETUP: ("console.tui.pages.setup", "SetupPage"),
@@ -113,6 +116,7 @@ class ConsoleApp(App[None]):
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
         self._help_list = 0
+        self._asked_over_s = float("-inf")
         self._held = HeldKeys()
         self._previewer = Previewer()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
@@ -307,6 +311,8 @@ class ConsoleApp(App[None]):
             self._post_recover()
         elif action.id == "acknowledge":
             self._post_acknowledge()
+        elif action.id == "take_over":
+            self._post_take_over()
         else:
             self._show_help(0)
             self._safely(lambda: page.act(action.id))
@@ -321,8 +327,22 @@ class ConsoleApp(App[None]):
     def _post_recover(self) -> None:
         from console.session.intents import Recover  # not needed for the first paint, as below
 
-        if self.desk.control.state.stop is not None:
+        state = self.desk.control.state
+        if state.stop is not None or (state.snapshot is not None and state.snapshot.lost):
             self.desk.control.post(Recover())
+
+    def _post_take_over(self) -> None:
+        """Take the machine from another console; asked for twice, because somebody works there."""
+        from console.session.intents import TakeOver
+
+        desk = self.desk
+        if desk.control.state.controls:
+            desk.said = (Problem(code="screen.controls_already"),)
+        elif desk.control.now_s() - self._asked_over_s > TAKE_OVER_WITHIN_S:
+            self._asked_over_s = desk.control.now_s()
+            desk.said = (Problem(code="screen.take_over_again", limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
+        else:
+            desk.control.post(TakeOver())
 
     def _post_acknowledge(self) -> None:
         from console.session.intents import Acknowledge

@@ -48,8 +48,15 @@ def state_row(frame: Frame, width: int) -> Line:
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.in_phase is not None:
         phase = text("frame.in_sync") if state.cut.in_phase else text("frame.out_of_phase")
         activity = f"{activity} · {phase}"
+    if _looks_on(state):
+        activity, token = text("frame.looks_on", holder=state.holder), Token.WARNING
     left = (*head, (f"{state.machine} · ", Token.DIM), (activity, token))
     return ranged(left, (*_age(frame), dim(f"   {frame.clock:%H:%M} ")), width)
+
+
+def _looks_on(state: StationState) -> bool:
+    """Whether another console controls the machine, as far as that is known."""
+    return not state.controls and state.activity not in (Activity.CONNECTING, Activity.LOST)
 
 
 def _age(frame: Frame) -> Line:
@@ -111,6 +118,8 @@ def next_row(frame: Frame, width: int) -> Line:
         step = line((text("frame.lost"), Token.ACTION))
     elif state.activity is Activity.CONNECTING:
         step = line(dim(text("frame.connecting")))
+    elif _looks_on(state) and state.stop is None:
+        step = line((text("frame.observer"), Token.ACTION))
     elif state.stop is not None:
         key = "frame.recover" if state.stop.rest_s is not None else "frame.stopping"
         step = line((text(key, reason=_reason(text, state.stop.reason)), Token.ACTION))
@@ -142,7 +151,7 @@ def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
         seconds = spindle_stop_s(machine, state.cut.speed_rpm)
         return f"{text('frame.spindle_needs', seconds=f'{seconds:.1f}')} ", Token.TEXT
-    if state.moving:
+    if state.moving or (state.snapshot is not None and state.snapshot.moving):  # of another console, perhaps
         return f"{text('frame.moving')} ", Token.STRONG
     if state.snapshot is None:
         return f"{text('frame.not_known')} ", Token.DIM

@@ -1,4 +1,4 @@
-"""`console --sim`: from the command line to the first screen, and out again with the machine at rest."""
+"""The screens, from the command line to the first page, and out again with the machine at rest."""
 
 from __future__ import annotations
 
@@ -14,10 +14,13 @@ from console.cli.library import data_of, machine_of
 from console.session.errors import SessionError
 from console.session.link_thread import LinkThread, Opened
 from console.session.signals import ENDING_SIGNALS
+from console.session.whereabouts import address_of
 from console.text.catalogue import Catalogue
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
 from console.tui.theme import COLOUR, MONO
+from drivers.link.address import LinkAddress, SimulatedAddress
+from drivers.link.tracing import Tracing
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
@@ -28,19 +31,25 @@ COAST_LIMIT_S = 75.0
 """How long a machine may take to be proven at rest after the screen is gone."""
 
 
+SWITCH_INTERVAL_S = 0.0005
+"""How long the thread that draws may keep the interpreter while the link waits: leases and looks come first."""
+
+
 def main(options: Namespace, text: Catalogue) -> int:
     """Run the screen; return the exit code.
 
     Raises:
         ProblemError: no machine to open, no terminal, or a profile that cannot be used.
     """
-    if not options.sim:
-        raise SessionError(Problem(code="session.no_machine"))
     # The pages are written to stderr.
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise SessionError(Problem(code="screen.no_terminal"))
     machine, data = machine_of(options), data_of(options)
-    link = LinkThread(machine.machine.name, True, lambda: _open(machine, data))
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    address = address_of(machine.machine, options.link, simulated=options.sim)
+    tracing = Tracing(None if options.trace is None else Path(options.trace), f"console {machine.machine.name}")
+    simulated = isinstance(address, SimulatedAddress)
+    link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, address, data, tracing))
     app = ConsoleApp(
         text=text,
         palette=MONO if os.environ.get("NO_COLOR") else COLOUR,
@@ -57,16 +66,18 @@ def main(options: Namespace, text: Catalogue) -> int:
         app.run(mouse=False)
     finally:
         _leave(link, ending, text)
+        for problem in tracing.problems:
+            _say(text.problem(problem))
     if app.fault is not None:
         raise app.fault
     return 0 if link.rested and ending.reason is None and app.return_code in (0, None) else 1
 
 
-def _open(machine: LoadedMachine, data: Path) -> Opened:
+def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
     """Open the machine, in the link thread: what this imports takes longer than the first paint."""
-    from console.session.opening import open_simulated
+    from console.session.opening import open_machine
 
-    return open_simulated(machine, data)
+    return open_machine(machine, address, data, tracing)
 
 
 class _Ending:

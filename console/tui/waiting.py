@@ -12,6 +12,7 @@ _REFUSALS = {
     "connecting": "screen.nothing_known",
     "moving": "screen.in_motion",
     "busy": "screen.busy",
+    "observing": "screen.observes",
 }
 
 
@@ -21,6 +22,8 @@ def waiting(state: StationState) -> str:
         return "lost"
     if state.stop is not None:
         return "stopping" if state.stop.rest_s is None else "stopped"
+    if not state.controls and state.activity is not Activity.CONNECTING:
+        return "observing"
     if state.snapshot is None or state.activity is Activity.CONNECTING:
         return "connecting"
     if state.moving:

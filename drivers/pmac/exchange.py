@@ -135,13 +135,13 @@ class Exchange:
         self.in_step = False
         deadline, refusals = self._clock.now_s() + timeout_s, 0
         while True:
-            if self._closes_buffer(deadline):
-                # Before anything was set there is nothing to go back to, and to know a marker of another by.
-                reply = self._marked(self._settings, self._left(deadline)) if self._settings else None
-                if not self._settings or self._is_marked(reply):
-                    self.in_step, self.buffer_open = True, False
-                    return
-                refusals += reply is not None and reply.error_number is not None
+            closed = self._closes_buffer(deadline)
+            # Before anything was set there is nothing to go back to, and to know a marker of another by.
+            reply = self._marked(self._settings, self._left(deadline)) if self._settings else None
+            if self._is_marked(reply) or (closed and not self._settings):
+                self.in_step, self.buffer_open = True, False
+                return
+            refusals += reply is not None and reply.error_number is not None
             self._flush()
             if refusals > 1:  # one may have been the error of a program
                 raise LinkError(Problem(code="controller.buffer_open", where=self.link.address))
@@ -150,10 +150,16 @@ class Exchange:
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
     def _closes_buffer(self, deadline: float) -> bool:
-        """CLOSE what may have been left open from here: else all that follows would become lines of a program."""
+        """CLOSE what may have been left open from here: else all that follows would become lines of a program.
+
+        Its answer is no proof of anything: a card that was set otherwise words it otherwise, or gives none. A
+        marker that is read back is, because an open buffer would have refused it.
+        """
         if not self.buffer_open:
             return True
-        reply = self._ask("CLOSE", self._left(deadline))
+        reply = self._ask("CLOSE", 0.5 * self._left(deadline))
+        if reply is None:
+            self.drain()  # no control-X: a card that is slow to read would forget the CLOSE that waits there
         return reply is not None and not reply.lines and reply.error_number is None
 
     def _prove_refusal(self, timeout_s: float) -> None:

@@ -20,6 +20,7 @@ def settings_with(named: Mapping[str, float], dialect: Dialect = PMAC) -> dict[i
     """Return every I-variable: those that are named, such as {"I116": 500}, and the factory's for the rest.
 
     The names are those of the non-Turbo controller; in another dialect each goes to the place that it has there.
+    A number that the non-Turbo controller does not have, such as I5187, is the dialect's own.
     """
     return {**dialect.factory, **named_settings(named, dialect)}
 
@@ -39,6 +40,8 @@ def servo_cycle_ms(i10: float) -> float:
 
 def _places(index: int, dialect: Dialect) -> Iterable[int]:
     """Return where a setting of the non-Turbo controller stands in a dialect; one for all may become one each."""
+    if index > PMAC.highest_index:
+        return (index,)
     owner, number = divmod(index, 100)
     for setting, place in PMAC.places.items():
         if place.number == number and (place.scope is Scope.GLOBAL) == (owner == 0):

@@ -9,9 +9,11 @@ from __future__ import annotations
 import argparse
 import asyncio
 import socket
+import time
 
 from drivers.simulator.channel import converse
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.patience import PatientTime
 from drivers.simulator.plant.true_parameters import plant_named
 from drivers.simulator.pty import PtyHost
 from drivers.simulator.real_time import ending_signals, keep_time
@@ -35,7 +37,8 @@ async def _serve(lathe: SimulatedLathe, channel: socket.socket) -> None:
     reader, writer = await asyncio.open_connection(sock=channel)
     host = PtyHost(lathe)
     try:
-        await keep_time(lathe, (host,), ended.wait(), converse(lathe, host.device, reader, writer))
+        patient = PatientTime(lathe, lambda: None if lathe.lines.cut else host.heard_s, time.monotonic)
+        await keep_time(patient, (host,), ended.wait(), converse(lathe, host.device, reader, writer))
     finally:
         host.close()
         writer.transport.abort()

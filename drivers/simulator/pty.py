@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import time
 import tty
 from contextlib import suppress
 
@@ -19,7 +20,8 @@ class PtyHost:
     """The one host of the line; `device` is where it finds it, a name of our own.
 
     Like a serial line it is always there: what a host that goes has left, the next one finds. Only a cut cable
-    hangs it up. Then the name is gone, and comes back with another pseudo-terminal behind it.
+    hangs it up. Then the name is gone, and comes back with another pseudo-terminal behind it. `heard_s` is when
+    the host was last heard, real time, None before its first word.
     """
 
     def __init__(self, lathe: SimulatedLathe) -> None:
@@ -32,6 +34,7 @@ class PtyHost:
         self._loop = asyncio.get_running_loop()
         self._open = False
         self._name = StableName()
+        self.heard_s: float | None = None
         try:
             self._plug_in()
         except OSError:
@@ -97,6 +100,7 @@ class PtyHost:
             data = os.read(self._line, CHUNK)
         except BlockingIOError:
             return
+        self.heard_s = time.monotonic()
         if CONTROL_X in data:
             self._unsent.clear()
         self._stream.receive(data)

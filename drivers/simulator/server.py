@@ -52,7 +52,7 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
     ended = ending_signals()
     hosts: set[Host] = set()
     with ExitStack() as opened:
-        addresses = [address async for address in _listen(lathe, listeners, hosts, opened)]
+        addresses = [address async for address in listen(lathe, listeners, hosts, opened)]
         for address in addresses:
             ready(address)
         await keep_time(lathe, hosts, ended.wait(), speed=speed)
@@ -60,13 +60,19 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
             connected.flush()
 
 
-async def _listen(
+async def listen(
     lathe: SimulatedLathe,
     listeners: Listeners,
     hosts: set[Host],
     opened: ExitStack,
 ) -> AsyncIterator[str]:
-    """Listen everywhere; yield the addresses that were bound. `opened` closes them."""
+    """Listen everywhere; yield the addresses that were bound. `opened` closes them.
+
+    Whoever advances the time of the lathe has to `flush` the `hosts` then.
+
+    Raises:
+        LinkError: `link.cannot_listen`.
+    """
     board = Board()
     if listeners.tcp:
         yield await _bind("tcp", listeners.tcp, lambda: Connection(lathe, hosts, PlainStream), opened)

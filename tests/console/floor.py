@@ -19,6 +19,7 @@ from console.session.intents import (
     TakeJaw,
     TakeTouchOff,
 )
+from console.session.owning import Owning
 from console.session.state import StationState
 from console.session.station import Station
 from console.session.workplace import Workplace
@@ -113,7 +114,13 @@ def open_floor(records: Path, seed: int = 1) -> Floor:
 
     lathe = Lathe(PmacClient(link, sim), machine.machine, sim, stop, seen)
     place = Workplace(
-        lathe=lathe, machine=machine, clock=sim, shop=sim, records=records, local_time=lambda: LOCAL_TIME
+        lathe=lathe,
+        owning=Owning(lathe, link.address, records),
+        machine=machine,
+        clock=sim,
+        shop=sim,
+        records=records,
+        local_time=lambda: LOCAL_TIME,
     )
     floor = Floor(sim=sim, lathe=lathe, stop=stop, link=link, station=Station(place), place=place)
     made.append(floor)

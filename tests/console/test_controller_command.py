@@ -15,8 +15,10 @@ import pytest
 import console as package
 from console.cli.card_access import Card
 from drivers.pmac.configuration.check import Group, Outcome
-from drivers.pmac.configuration.proofs.bench import NAMES
+from drivers.pmac.configuration.proofs.bench import names_of
 from drivers.pmac.configuration.setting_names import Nature, keys
+from drivers.pmac.configuration.stops import RunOn
+from profiles.machine import SAFETY_DEVICES
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, commissioned, of_family
 
@@ -113,7 +115,7 @@ def test_doctor_proves_when_asked(console: Console, card: Commissioned) -> None:
     said = console("doctor", "--prove", "--json")
     assert said.code == 0
     proofs = {c["code"]: c["outcome"] for c in said.json["checks"] if c["group"] == "proofs"}
-    assert proofs == {f"proof_{name}": "holds" for name in NAMES if name != "lease"} | {"unproven_lease": "noted"}
+    assert proofs == {f"proof_{name}": "holds" for name in names_of(card.machine)}
 
 
 def test_iron_is_not_moved_without_its_name(
@@ -140,6 +142,50 @@ def test_iron_is_moved_when_its_name_is_typed(
     monkeypatch.setattr("sys.stdin", terminal)
     assert console("doctor", "--prove").code == 0
     assert "#2J/" in card.lines
+
+
+def stop_lines(said: Any) -> dict[str, str]:
+    """What is said of the stop record, by its code."""
+    codes = {c["code"]: c["outcome"] for c in said.json["checks"]}
+    return {code: outcome for code, outcome in codes.items() if code.startswith(("stops_", "stop_record"))}
+
+
+def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+) -> None:
+    real(card, monkeypatch)
+    assert stop_lines(console("doctor", "--json")) == {"stops_no_record": "warned"}
+    proven = console("doctor", "--prove", "--yes", "--json")
+    assert (proven.code, stop_lines(proven)) == (0, {"stop_record": "holds"})
+    assert card.client.numbers("P1000") == (0.0,)  # nobody is left to own the machine
+    (file,) = (data_folder / "trilobe" / "stops").iterdir()
+    assert '"tcp:lathe:1"' in file.read_text(encoding="utf-8")
+    card.tell("I219=0.2")
+    said = console("doctor", "--json")
+    assert stop_lines(said) == {"stops_other_settings": "warned"}
+    card.tell("I219=0.1")
+    # Ramps of the card that are longer than what was read back makes of them.
+    bounds = "drivers.pmac.configuration.proofs.stop_bounds.after_abort"
+    monkeypatch.setattr(bounds, lambda speed, rate, late_ms: RunOn(0.0, 0.0))
+    assert console("doctor", "--prove", "--yes").code == 1
+    assert not file.exists()
+
+
+def test_a_simulated_machine_leaves_no_record(console: Console, card: Commissioned, data_folder: Path) -> None:
+    said = console("doctor", "--prove", "--json")
+    assert (said.code, stop_lines(said)) == (0, {})
+    assert not (data_folder / "trilobe" / "stops").exists()
+
+
+def test_a_machine_of_another_console_is_not_proven(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real(card, monkeypatch)
+    card.tell("P1000=77")
+    said = console("doctor", "--prove", "--yes")
+    assert said.code == 1
+    assert not any(motor.amplifier_enabled for motor in card.sim.controller.motors.values())
+    assert card.client.numbers("P1000") == (77.0,)
 
 
 def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) -> None:
@@ -228,18 +274,21 @@ def test_an_address_that_is_none_is_refused_before_anything_is_started(console: 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_everything_that_can_be_said_has_words(language: str) -> None:
     (folder,) = package.__path__
-    words = tomllib.loads((Path(folder) / "text" / language / "controller.toml").read_text(encoding="utf-8"))
+    files = (Path(folder) / "text" / language).glob("*.toml")
+    words = {key for file in files for key in tomllib.loads(file.read_text(encoding="utf-8"))}
     sources = Path(package.__file__ or "").parents[1] / "drivers" / "pmac" / "configuration"
     code = "\n".join(path.read_text(encoding="utf-8") for path in sources.rglob("*.py"))
     said = set(re.findall(r'(?:code=|told\(\s*|_check\([\w.]+, )"([a-z_]+)"', code))
     said |= set(re.findall(r'"(\w+)" if \w+ else "\w+"', code)) | set(re.findall(r'if \w+ else "(\w+)"', code))
-    said |= {f"unproven_{name}" for name in NAMES} | {f"proof_{name}" for name in NAMES if name != "lease"}
+    names = names_of(load_machine("lee-2001-lathe").machine)
+    said |= {f"unproven_{name}" for name in names} | {f"proof_{name}" for name in names}
     said -= {"word", "own_time", "settings_hold", "timers_run"}  # these hold, or are none
     missing = {
         f"check.{name}" for name in said if f"check.{name}" not in words and f"check.{name}.holds" not in words
     }
-    missing |= {f"setting.{key}{kind}" for key in keys() for kind in ("", ".effect")} - words.keys()
+    missing |= {f"setting.{key}{kind}" for key in keys() for kind in ("", ".effect")} - words
     missing |= {f"remedy.{nature}" for nature in Nature} | {f"card.group.{group}" for group in Group}
-    assert sorted(missing - words.keys()) == []
+    missing |= {f"card.subject.{device}" for device in SAFETY_DEVICES}
+    assert sorted(missing - words) == []
     assert len(said) > 40
     assert {outcome.value for outcome in Outcome} == {"holds", "noted", "warned", "fails"}

@@ -128,7 +128,15 @@ def test_steps_toward_the_work_keep_to_the_gap_that_is_known() -> None:
 
 def test_the_gap_is_known_by_the_touch_off_on_the_clamped_part(machine: MachineProfile) -> None:
     axis = AxisState(position=250_000.0, following_error=0.0, flags=frozenset({"home_complete"}))
-    look = Snapshot(at_s=0.0, tool=axis, spindle=axis, carriage=axis, program_running=False, runtime_error=False)
+    look = Snapshot(
+        asked_s=0.0,
+        at_s=0.0,
+        tool=axis,
+        spindle=axis,
+        carriage=axis,
+        program_running=False,
+        runtime_error=False,
+    )
     clamped = Alignment(clamping=Clamping(force_n=1314.0, diameter_mm=51.0, overhang_mm=30.0, at="08:40"))
     assert longest_toward_mm(look, machine, clamped) == 1.0
     touched = replace(clamped, touch_off=TouchOff(zero_radius_mm=77.5, at="08:45"))

@@ -16,7 +16,13 @@ def look(at_s: float, counts: float, flags: frozenset[str] = HOMED) -> Snapshot:
     rest = AxisState(position=0.0, following_error=0.0, flags=flags)
     spindle = AxisState(position=counts, following_error=0.0, flags=flags)
     return Snapshot(
-        at_s=at_s, tool=rest, spindle=spindle, carriage=rest, program_running=False, runtime_error=False
+        asked_s=at_s,
+        at_s=at_s,
+        tool=rest,
+        spindle=spindle,
+        carriage=rest,
+        program_running=False,
+        runtime_error=False,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 Console = Callable[..., Any]
+JobFile = Callable[..., Path]
 JOB = "lee-2001-experiment-1"
 LINE = re.compile(r"\d+\.\d{3} [><!*] \S.*")
 
@@ -39,7 +40,7 @@ def test_without_room_for_it_nothing_begins(console: Console, tmp_path: Path) ->
 
 
 def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
-    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    console: Console, job_file: JobFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from drivers.link.trace_file import TraceFile
 
@@ -52,7 +53,8 @@ def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(TraceFile, "write", write)
-    said = console("run", JOB, "--sim", "--json", "--trace", str(tmp_path / "trace"))
+    job = str(job_file(cut_length_mm="1.0"))
+    said = console("run", job, "--sim", "--json", "--trace", str(tmp_path / "trace"))
     assert said.code == 0
     assert [("No space left" in line) for line in said.err.splitlines()].count(True) == 1
     assert said.json["after"]["RONt_um"] < 1.0

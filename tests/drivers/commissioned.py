@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+import pytest
 
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.configuration.check import Check, Outcome
+from drivers.pmac.configuration.proofs.bench import ProofBench
 from drivers.pmac.configuration.verification import Verification, verify
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.port import Port
 from drivers.stop import StopPath
 from profiles.machine import MachineProfile
+from tests.drivers.families import of_family as of_family
 
 
 @dataclass(kw_only=True)
@@ -29,6 +33,21 @@ class HeardPort:
 
     def take_output(self) -> bytes:
         return self.port.take_output()
+
+
+@dataclass(frozen=True)
+class Watched:
+    """The clock of a host; after each wait it does something more."""
+
+    sim: SimulatedLathe
+    after: Callable[[], None]
+
+    def now_s(self) -> float:
+        return self.sim.now_s()
+
+    def wait(self, seconds: float) -> None:
+        self.sim.wait(seconds)
+        self.after()
 
 
 @dataclass(kw_only=True)
@@ -65,16 +84,27 @@ class Commissioned:
         self.client.connect()
         self.line.heard = b""
 
+    def update_firmware(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Let the card say that it has another version."""
+        query = self.client.query
+
+        def newer(*items: str, timeout_s: float = 2.0, again: bool = False) -> tuple[str, ...]:
+            found = query(*items, timeout_s=timeout_s, again=again)
+            return tuple("9.99" if item == "VERSION" else text for item, text in zip(items, found, strict=True))
+
+        monkeypatch.setattr(self.client, "query", newer)
+
+    def bench(self) -> ProofBench:
+        """What the proofs work with."""
+        judged = self.verify().judged
+        return ProofBench(client=self.client, stop=self.stop, clock=self.sim, judged=judged)
+
     def verify(self) -> Verification:
         return verify(self.client, self.machine, self.dialect)
 
     def findings(self) -> list[Check]:
         """What does not hold, notes apart."""
         return [check for check in self.verify().checks if check.outcome in (Outcome.WARNED, Outcome.FAILS)]
-
-
-def of_family(machine: MachineProfile, family: str) -> MachineProfile:
-    return replace(machine, controller=replace(machine.controller, family=family))
 
 
 def commissioned(machine: MachineProfile, watch: Callable[[SimulatedLathe], None] | None = None) -> Commissioned:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from drivers.cut import CutPlan
 from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
@@ -14,6 +15,7 @@ from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.port import Port
 from drivers.simulator.servo import Axis
+from drivers.snapshot import AxisName
 from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -101,6 +103,37 @@ class Bench:
             if self.lathe.snapshot().at_rest and not self.moving:
                 return
         raise AssertionError(f"still moving after {timeout_s} s")
+
+    def carriage_to(self, counts: float) -> None:
+        """Jog the carriage ten times as fast as an operator would: nothing is told of the way."""
+        usual = self.lathe.machine.controller.variables["I322"]
+        self.client.request(f"I322={10 * usual}")
+        self.lathe.jog_to(AxisName.CARRIAGE, counts)
+        self.client.request(f"I322={usual}")
+
+    def homed(self, job: Job) -> None:
+        """Home the axes, and clamp the blank of a job."""
+        self.lathe.enable()
+        self.lathe.home()
+        self.sim.mount(job)
+
+    def to_start(self, plan: CutPlan) -> None:
+        """Bring the axes to where a cut begins."""
+        self.carriage_to(plan.carriage_start)
+        self.lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
+        self.lathe.jog_to(AxisName.TOOL, plan.tool_start)
+
+    def begin(self, plan: CutPlan) -> None:
+        """Load a cut, bring the axes to where it begins, and start it, as the console does it."""
+        self.lathe.load(plan.program)
+        self.lathe.jog_to(AxisName.TOOL, plan.setup.retracted)
+        self.to_start(plan)
+        self.lathe.start(plan.program.number, plan.setup.retracted)
+
+    def cut(self, plan: CutPlan) -> None:
+        """Make the whole cut."""
+        self.begin(plan)
+        self.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
 
     @property
     def moving(self) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from drivers.cut import CutPlan, Strategy, plan_cut
@@ -15,16 +16,20 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
-from tests.drivers.conftest import Recorder
+from tests.drivers.conftest import JobMaker, Recorder
+from tests.drivers.families import of_family as of_family
 from tests.drivers.wire_card import Wire
 
 Floats = NDArray[np.float64]
 
 TOOL, SPINDLE, CARRIAGE = 1, 2, 3
+SHORT_MM = 2.0
+FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])
 
 
-def of_family(machine: MachineProfile, family: str) -> MachineProfile:
-    return replace(machine, controller=replace(machine.controller, family=family))
+def short(experiment: JobMaker, number: int = 1) -> Job:
+    """A cut of 54 turns: what counts is in each of them."""
+    return replace(experiment(number), cut_length_mm=SHORT_MM)
 
 
 def with_inverter(machine: MachineProfile) -> MachineProfile:
@@ -78,8 +83,11 @@ class CutFloor:
     def start(self) -> None:
         """Go to the start of the plan and begin."""
         plan, card = self.plan, self.card
-        card.tell(f"#{CARRIAGE}J={plan.carriage_start}")
+        # Ten times as fast as an operator would: nothing is told of the way.
+        jog = self.machine.controller.variables[f"I{CARRIAGE}22"]
+        card.tell(f"I{CARRIAGE}22={10 * jog}", f"#{CARRIAGE}J={plan.carriage_start}")
         card.settle()
+        card.tell(f"I{CARRIAGE}22={jog}")
         card.tell(*([] if self.turned_apart else [f"#{SPINDLE}J={plan.spindle_start}"]), f"#1J={plan.tool_start}")
         card.settle()
         card.sim.wait(0.5)

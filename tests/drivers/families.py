@@ -10,7 +10,11 @@ from profiles.machine import MachineProfile
 from profiles.store import load_machine
 
 
+def of_family(machine: MachineProfile, family: str) -> MachineProfile:
+    """The same lathe with a controller of a family."""
+    return replace(machine, controller=replace(machine.controller, family=family))
+
+
 @pytest.fixture(scope="module", params=["pmac", "turbo"])
 def machine(request: pytest.FixtureRequest) -> MachineProfile:
-    lathe = load_machine("lee-2001-lathe").machine
-    return replace(lathe, controller=replace(lathe.controller, family=request.param))
+    return of_family(load_machine("lee-2001-lathe").machine, request.param)

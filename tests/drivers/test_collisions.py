@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cut import Strategy, plan_cut
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import (
     Clamped,
@@ -173,16 +173,6 @@ def homed(bench: Bench) -> Bench:
     return bench
 
 
-def begin(bench: Bench, plan: CutPlan) -> None:
-    """Bring the axes to where a cut begins, and start it."""
-    bench.lathe.load(plan.program)
-    bench.lathe.jog_to(AxisName.TOOL, plan.setup.retracted)
-    bench.lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    bench.lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    bench.lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    bench.lathe.start(plan.program.number, plan.setup.retracted)
-
-
 @pytest.mark.parametrize("number", [1, 2])
 @pytest.mark.parametrize("strategy", list(Strategy))
 def test_a_planned_cut_meets_nothing(
@@ -190,8 +180,7 @@ def test_a_planned_cut_meets_nothing(
 ) -> None:
     homed(bench).sim.mount(experiment(number))
     plan = plan_cut(experiment(number), machine, strategy)
-    begin(bench, plan)
-    bench.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
+    bench.cut(plan)
     assert bench.sim.collisions == ()
     assert bench.sim.look().collisions == ()
 
@@ -212,7 +201,7 @@ def test_the_last_line_of_the_printed_program_is_a_crash(bench: Bench, experimen
     commanded.
     """
     homed(bench).sim.mount(experiment(1))
-    bench.lathe.jog_to(AxisName.CARRIAGE, 174_000.0)
+    bench.carriage_to(174_000.0)
     bench.lathe.jog_to(AxisName.TOOL, (76.0 - 26.0) * 5000.0)
     bench.client.download(printed_program())
     bench.client.request("&1B1R")
@@ -250,7 +239,7 @@ def test_a_spindle_that_runs_out_in_its_cut_is_no_crash(
     bench = homed(bench_with(replace(ideal(machine), ideal_spindle=False)))
     bench.sim.mount(experiment(1))
     plan = plan_cut(experiment(1), machine, Strategy.PVT)
-    begin(bench, plan)
+    bench.begin(plan)
     bench.sim.wait(0.6 * plan.duration_s)
     assert bench.sim.look().tool_gap_mm is not None
     bench.port.receive(b"\x0b")

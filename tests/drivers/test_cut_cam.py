@@ -14,25 +14,15 @@ from drivers.cutting.table_state import switch_off, table_problems
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
-from drivers.simulator.plant.true_parameters import ideal
 from profiles.compensation import wanted_path
 from profiles.problem import ProblemError
-from tests.drivers.cut_floor import CutFloor, Track, of_family, with_inverter
+from tests.drivers.cut_floor import FAMILIES, CutFloor, Track, of_family, short, with_inverter
 
 if TYPE_CHECKING:
-    from profiles.job import Job
     from profiles.machine import MachineProfile
     from tests.drivers.conftest import JobMaker
 
 CYCLE_MS = 3_713_707 / 8_388_608
-SHORT_MM = 2.0
-"""A cut of 54 turns: what counts is in each of them."""
-
-FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])
-
-
-def short(experiment: JobMaker, number: int = 1) -> Job:
-    return replace(experiment(number), cut_length_mm=SHORT_MM)
 
 
 def turns_of_feed(floor: CutFloor, track: Track) -> float:
@@ -62,26 +52,6 @@ def test_a_cam_leaves_less_than_a_micrometre_and_the_table_off(
     assert track.tool[-1] == pytest.approx(floor.plan.setup.retracted, abs=50)
 
 
-@pytest.mark.parametrize(
-    ("jaws", "phase_deg", "rpm", "error_um"),
-    [(4, 33.0, 640.0, 21.0), (6, -100.0, 377.0, 55.0), (3, 47.0, 1234.5, 55.0)],
-)
-def test_it_does_so_whatever_the_chuck(
-    machine: MachineProfile, experiment: JobMaker, jaws: int, phase_deg: float, rpm: float, error_um: float
-) -> None:
-    job = replace(
-        experiment(1),
-        cut_length_mm=SHORT_MM,
-        jaws=jaws,
-        lobe_phase_deg=phase_deg,
-        spindle_speed_rpm=rpm,
-        lobe_error_um_pp=error_um,
-    )
-    floor = CutFloor(job, machine, Strategy.CAM)
-    floor.cut()
-    assert floor.measured().ront_um < 0.3
-
-
 def test_the_motion_that_is_planned_is_the_motion_that_is_made(
     machine: MachineProfile, experiment: JobMaker
 ) -> None:
@@ -98,32 +68,6 @@ def test_the_motion_that_is_planned_is_the_motion_that_is_made(
     pieces = [piece for move in checked.moves for piece in move.pieces]
     gaps = [np.polyval(old.cubics[0][::-1], old.duration_ms) - new.cubics[0][0] for old, new in pairwise(pieces)]
     assert np.abs(gaps).max() < 0.05
-
-
-def test_a_ripple_of_the_speed_moves_the_cam_with_the_angle(machine: MachineProfile, experiment: JobMaker) -> None:
-    """5 % twice a turn is 1.43 deg of spindle, 0.075 of a lobe's radian.
-
-    Beside the part: lobes by the even and by the swung angle, over the servo's response at 50 Hz, then through all
-    of that response (Fourier, 7200 points a turn), less the lobe by the swung angle: 2.07 um and 0.99 um are left.
-    """
-    left = {}
-    for strategy in (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE):
-        floor = CutFloor(short(experiment), machine, strategy)
-        floor.ripple(0.05)
-        floor.cut()
-        left[strategy] = floor.measured().ront_um
-    assert left[Strategy.PVT] == pytest.approx(2.07, abs=0.1)
-    # What stays is the servo's: it was inverted at one frequency, and the ripple makes others.
-    for strategy in (Strategy.CAM, Strategy.TIMEBASE):
-        assert left[strategy] == pytest.approx(0.99, abs=0.25)
-
-
-def test_a_spindle_with_inertia_that_lags_in_its_loop_costs_nothing(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
-    floor = CutFloor(short(experiment), machine, Strategy.CAM, replace(ideal(machine), ideal_spindle=False))
-    floor.cut()
-    assert floor.measured().ront_um < 0.3
 
 
 def test_a_spindle_that_is_only_followed_will_do(machine: MachineProfile, experiment: JobMaker) -> None:

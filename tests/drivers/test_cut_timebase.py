@@ -11,24 +11,13 @@ import pytest
 from drivers.cut import Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS, PMAC
 from drivers.pmac.programs.timebase import spindle_clock
-from drivers.simulator.plant.true_parameters import ideal
 from profiles.problem import ProblemError
 from profiles.rules import Severity
-from tests.drivers.cut_floor import CutFloor, of_family, with_inverter
+from tests.drivers.cut_floor import FAMILIES, CutFloor, of_family, short, with_inverter
 
 if TYPE_CHECKING:
-    from profiles.job import Job
     from profiles.machine import MachineProfile
     from tests.drivers.conftest import JobMaker
-
-SHORT_MM = 2.0
-"""A cut of 54 turns: what counts is in each of them."""
-
-FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])
-
-
-def short(experiment: JobMaker, number: int = 1) -> Job:
-    return replace(experiment(number), cut_length_mm=SHORT_MM)
 
 
 @FAMILIES
@@ -48,26 +37,6 @@ def test_it_leaves_less_than_a_micrometre_and_the_card_as_it_was(
     assert track.tool_told[-1] == pytest.approx(floor.plan.setup.retracted, abs=1e-6)
     assert track.tool[-1] == pytest.approx(floor.plan.setup.retracted, abs=50)
     assert track.spindle[-1] == track.spindle[-2]
-
-
-@pytest.mark.parametrize(
-    ("jaws", "phase_deg", "rpm", "error_um"),
-    [(4, 33.0, 640.0, 21.0), (6, -100.0, 377.0, 55.0), (3, 47.0, 1234.5, 55.0)],
-)
-def test_it_does_so_whatever_the_chuck(
-    machine: MachineProfile, experiment: JobMaker, jaws: int, phase_deg: float, rpm: float, error_um: float
-) -> None:
-    job = replace(
-        experiment(1),
-        cut_length_mm=SHORT_MM,
-        jaws=jaws,
-        lobe_phase_deg=phase_deg,
-        spindle_speed_rpm=rpm,
-        lobe_error_um_pp=error_um,
-    )
-    floor = CutFloor(job, machine, Strategy.TIMEBASE)
-    floor.cut()
-    assert floor.measured().ront_um < 0.3
 
 
 @pytest.mark.parametrize("rpm", [1000.0, 640.0, 377.7])
@@ -111,12 +80,6 @@ def test_the_motion_waits_for_the_index_and_the_cut_for_the_speed(
     assert track.spindle[begins] % 10_000 == pytest.approx(500, abs=80)
     speeds = np.diff(track.spindle)[begins:-6000] / machine.controller.servo_period_ms
     assert speeds == pytest.approx(np.full_like(speeds, 10_000 / 60.0), rel=1e-6)
-
-
-def test_a_spindle_with_inertia_costs_nothing(machine: MachineProfile, experiment: JobMaker) -> None:
-    floor = CutFloor(short(experiment), machine, Strategy.TIMEBASE, replace(ideal(machine), ideal_spindle=False))
-    floor.cut()
-    assert floor.measured().ront_um < 0.3
 
 
 @FAMILIES

@@ -9,32 +9,15 @@ import numpy as np
 import pytest
 
 from drivers.errors import ControllerError
-from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
 from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
 from profiles.machine import MachineProfile
+from tests.drivers.commissioned import HeardPort, commissioned, of_family
 
 HARMLESS = re.compile(r"I\d+(=\d+)?( I\d+(=\d+)?)*|\?\?\?|DEFINE GATHER \d+|GATHER|ENDGATHER|LIST GATHER \d+,\d+")
-
-
-@dataclass(kw_only=True)
-class HeardPort:
-    """The card's end of the line; it keeps what is said to the card."""
-
-    port: Port
-    heard: bytes = b""
-
-    def receive(self, data: bytes) -> None:
-        self.heard += data
-        self.port.receive(data)
-
-    def take_output(self) -> bytes:
-        return self.port.take_output()
 
 
 @dataclass(kw_only=True)
@@ -63,15 +46,12 @@ class Bench:
         return self.gathering.fetch(plan)
 
 
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+@pytest.fixture(params=["pmac", "turbo"])
 def bench(machine: MachineProfile, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Bench:
-    dialect: Dialect = request.param
-    sim = SimulatedLathe(machine, dialect=dialect)
-    line = HeardPort(port=sim.connect())
-    client = PmacClient(MemoryLink(line, sim), sim)
-    client.connect()
-    made = Bench(sim=sim, line=line, client=client, gathering=DataGathering(client=client, dialect=dialect))
-    monkeypatch.setattr(sim.controller, "run_block", made.run_block)
+    card = commissioned(of_family(machine, request.param))
+    gathering = DataGathering(client=card.client, dialect=card.dialect)
+    made = Bench(sim=card.sim, line=card.line, client=card.client, gathering=gathering)
+    monkeypatch.setattr(card.sim.controller, "run_block", made.run_block)
     return made
 
 

@@ -275,7 +275,7 @@ def test_a_proof_that_the_card_refuses_moves_nothing(machine: MachineProfile, di
 def test_what_a_proof_has_not_shown_is_said(
     still_going_s: float, ended_s: float | None, at_rest_s: float | None, codes: list[str]
 ) -> None:
-    proof = LeaseProof(still_going_s=still_going_s, ended_s=ended_s, at_rest_s=at_rest_s, run_on_counts=0.0)
+    proof = LeaseProof(still_going_s=still_going_s, ended_s=ended_s, at_rest_s=at_rest_s)
     assert [problem.code for problem in proof_problems(proof)] == codes
 
 
@@ -285,9 +285,9 @@ def test_every_refusal_has_a_sentence(language: str) -> None:
     codes = {
         part.partition('"')[0]
         for source in sources
-        for part in source.read_text(encoding="utf-8").split('code="')[1:]
+        for part in source.read_text(encoding="utf-8").split('code="heartbeat.')[1:]
     }
     path = ROOT / "console" / "text" / language / "heartbeat.toml"
     sentences = tomllib.loads(path.read_text(encoding="utf-8"))
     assert len(codes) == 13
-    assert sorted(code for code in codes if f"problem.{code}" not in sentences) == []
+    assert sorted(code for code in codes if f"problem.heartbeat.{code}" not in sentences) == []

@@ -13,7 +13,7 @@ from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.snapshot import AxisName, Snapshot
+from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
 from profiles.compensation import wanted_path
 from profiles.roundness import evaluate
@@ -67,19 +67,10 @@ class Run:
 
 def aligned(bench: Bench, job: Job, machine: MachineProfile, strategy: Strategy) -> CutPlan:
     plan = plan_cut(job, machine, strategy)
-    lathe = bench.lathe
-    lathe.enable()
-    lathe.home()
-    bench.sim.mount(job)
-    lathe.load(plan.program)
-    to_start(lathe, plan)
+    bench.homed(job)
+    bench.lathe.load(plan.program)
+    bench.to_start(plan)
     return plan
-
-
-def to_start(lathe: Lathe, plan: CutPlan) -> None:
-    lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    lathe.jog_to(AxisName.TOOL, plan.tool_start)
 
 
 def run(bench: Bench, plan: CutPlan, hold_s: float | None) -> Run:
@@ -118,7 +109,7 @@ def is_left_in_order(found: Run) -> bool:
 def test_a_hold_at_any_moment_leaves_whole_turns_and_no_mark(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy, rpm: float, hold_s: float
 ) -> None:
-    job = replace(experiment(1), spindle_speed_rpm=rpm)
+    job = replace(experiment(1), spindle_speed_rpm=rpm, cut_length_mm=2.0)
     found = run(bench, aligned(bench, job, machine, strategy), hold_s)
     # A segment, of which half may be missing or too much, and a servo cycle at each end.
     tolerance = (0.5 * found.plan.segment_ms + 1.0) * rpm / 60_000.0
@@ -190,7 +181,7 @@ def test_a_held_program_runs_from_its_beginning_the_next_time(
 ) -> None:
     plan = aligned(bench, replace(experiment(1), cut_length_mm=2.0), machine, strategy)
     assert run(bench, plan, 2.9).turns < plan.setup.turns - 5
-    to_start(bench.lathe, plan)
+    bench.to_start(plan)
     assert run(bench, plan, None).turns == pytest.approx(np.ceil(plan.setup.turns - 1e-6), abs=0.05)
 
 

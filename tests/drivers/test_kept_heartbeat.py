@@ -28,10 +28,10 @@ class Kept:
     def __init__(self, machine: MachineProfile) -> None:
         self.sim = SimulatedLathe(machine)
         self.link = MemoryLink(self.sim.connect(), self.sim)
-        client = PmacClient(self.link, self.sim)
+        self.client = PmacClient(self.link, self.sim)
         self.stop = StopPath(self.link)
-        heartbeat = Heartbeat(client, self.sim, machine)
-        self.lathe = Lathe(client, machine, self.sim, self.stop, self._seen, heartbeat)
+        heartbeat = Heartbeat(self.client, self.sim, machine)
+        self.lathe = Lathe(self.client, machine, self.sim, self.stop, self._seen, heartbeat)
         self.on_look: Callable[[], None] = lambda: None
         self.lathe.connect()
         assert self.lathe.verify() == ()
@@ -75,6 +75,21 @@ def test_a_host_that_sleeps_in_a_jog_finds_it_ended_and_says_so(kept: Kept) -> N
     carriage = kept.sim.controller.motors[3]
     assert carriage.desired < 10.0 * 600 + 2000, "10 counts/ms, ended within 0.3 s and its ramp"
     assert not carriage.jogging
+
+
+def test_a_program_that_knows_no_lease_is_ended_by_the_card_when_this_host_is_silent(kept: Kept) -> None:
+    kept.lathe.home()
+    kept.lathe.load(read_program(SLOW))
+    kept.lathe.start(3, 0.0)
+    assert kept.client.numbers("P1003") == (2.0,), "the card guards a cut"
+    kept.silent_once(3.0)
+    with pytest.raises(DriverError) as failed:
+        kept.lathe.follow(lambda _: None, 60.0)
+    assert code(failed) == "heartbeat.lapsed"
+    kept.sim.wait(1.0)
+    assert kept.lathe.snapshot().at_rest and kept.lathe.snapshot().lost == 2
+    assert kept.lathe.snapshot().carriage.position < 3000, "at 1 count/ms for the lease, the grace and the ramp"
+    assert not kept.stop.reason, "it was left to the card"
 
 
 def test_what_was_ended_is_acknowledged_before_anything_moves_again(kept: Kept) -> None:

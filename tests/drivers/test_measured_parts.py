@@ -9,7 +9,6 @@ import pytest
 
 from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.snapshot import AxisName
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.servo import sampled_response
 
@@ -22,17 +21,8 @@ if TYPE_CHECKING:
 def cut(bench: Bench, job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int = 10) -> CutPlan:
     """Home, align, cut and withdraw, as the console does it."""
     plan = plan_cut(job, machine, strategy, ts_ms)
-    lathe = bench.lathe
-    lathe.enable()
-    lathe.home()
-    bench.sim.mount(job)
-    lathe.load(plan.program)
-    lathe.jog_to(AxisName.TOOL, plan.setup.retracted)
-    lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    lathe.start(plan.program.number, plan.setup.retracted)
-    lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
+    bench.homed(job)
+    bench.cut(plan)
     return plan
 
 

@@ -142,6 +142,40 @@ def test_a_buffer_that_cannot_be_closed_is_told_and_connecting_again_closes_it(b
     assert bench.client.query("P2", "P3") == ("50", "75")
 
 
+@pytest.mark.parametrize("line", ["I3=0 I6=0", "I3=1 I6=3", "I3=0", "I6=2"])
+def test_a_line_that_is_set_otherwise_in_the_middle_of_a_download_is_set_again_and_the_buffer_closed(
+    bench: Recorded, line: str
+) -> None:
+    """The CLOSE is then answered in words that are not known here, or not at all."""
+
+    def lines() -> Iterator[str]:
+        yield "OPEN PROG 3 CLEAR"
+        yield "INC"
+        bench.sim.faults.inject("stranger-writes", line=line)
+        bench.sim.wait(0.02)
+        yield "X10"
+        yield "X10 <="
+
+    with pytest.raises(DriverError) as told:
+        bench.client.download(lines())
+    assert "controller.buffer_may_be_open" not in codes(told.value)
+    assert (bench.client.buffer_may_be_open, bench.sim.controller.open_buffer) == (False, None)
+    assert stored(bench)[3] <= 2
+    assert bench.client.query("I3", "I6", "P2") == ("2", "1", "50")
+
+
+def test_a_card_that_is_switched_off_and_on_in_a_download_is_spoken_to_again(bench: Recorded) -> None:
+    def lines() -> Iterator[str]:
+        yield "OPEN PROG 3 CLEAR"
+        bench.sim.power_cycle()
+        yield "INC"
+
+    with pytest.raises(DriverError):
+        bench.client.download(lines())
+    assert bench.client.query("I3", "I6") == ("2", "1")
+    assert not bench.client.buffer_may_be_open
+
+
 def test_a_line_of_a_program_that_is_no_line_for_it_is_not_carried_out_unnoticed(bench: Recorded) -> None:
     """`P1` alone answers its value where no buffer is open: it was sent to be stored."""
     with pytest.raises(DriverError):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from drivers.pmac.dialect import TURBO
 from drivers.pmac.programs.paper import segment_ms
 from drivers.pmac.settings import servo_cycle_ms, settings_with
 
@@ -58,3 +59,11 @@ def test_settings_that_are_not_named_are_those_of_the_factory() -> None:
     """Ix16 = 32, Ix88 = 50 from the factory (Quick Reference)."""
     settings = settings_with({"I116": 500.0})
     assert (settings[116], settings[216], settings[388]) == (500.0, 32, 50)
+
+
+def test_the_names_of_a_profile_are_the_papers_or_the_familys_own() -> None:
+    """Ix87 of coordinate system 1 is I187 on a PMAC and I5187 on a Turbo; what a fault kills, I125 and I124."""
+    for named in ({"I187": 7.0, "I125": 4.0, "I13": 5.0}, {"I5187": 7.0, "I124": 4.0, "I5113": 5.0}):
+        settings = settings_with(named, TURBO)
+        assert (settings[5187], settings[124], settings[5113]) == (7.0, 4.0, 5.0)
+        assert max(settings) <= TURBO.highest_index

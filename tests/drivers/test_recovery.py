@@ -224,7 +224,7 @@ def test_a_stop_pressed_during_the_last_look_of_a_proof_is_not_proven_by_it(clos
             closed.stop.stop("at the last moment")
 
     closed.stop.stop("operator")
-    closed.lathe._seen = press
+    closed.lathe._looks._seen = press
     closed.lathe.wait_for_rest()
     assert len(answers) == 7, "the fourth look would have been the last"
     assert closed.stop.proven

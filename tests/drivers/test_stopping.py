@@ -126,11 +126,13 @@ def trip(bench: Bench) -> None:
 
 
 def test_a_following_error_beyond_ix11_kills_the_motor_and_says_so(closed: Bench) -> None:
+    flags = closed.sim.controller.dialect.index(Setting.FLAG_MODE, 1)
+    closed.client.request(f"I{flags}=0")
     trip(closed)
     flags = closed.lathe.snapshot().tool.flags
     assert {"fatal_following_error", "open_loop"} <= flags
     assert closed.lathe.snapshot().faults == ("tool: fatal_following_error",)
-    assert not closed.sim.controller.motors[2].enabled, "Ix25 = 0 kills all motors"
+    assert not closed.sim.controller.motors[2].enabled, "a kill mode of 00 kills all motors"
     closed.client.request("#1J/")
     assert "fatal_following_error" not in closed.lathe.snapshot().tool.flags
 

@@ -16,7 +16,6 @@ from drivers.simulator.drives import build_drives
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.cutting_force import cutting_force_n
 from drivers.simulator.plant.true_parameters import TrueParameters, as_mounted, ideal, realistic
-from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.servo import sampled_response
 from profiles.traces import Trace
@@ -188,17 +187,8 @@ def test_a_realistic_lathe_makes_a_part(
     """Jaw 1 presses by 2 % more: the oval is 0.02 x 64 / 18 of the lobe, which has the force of its clamping."""
     job = experiment(1)
     bench = bench_with(replace(realistic(machine, Random(1)), home_radius_mm=machine.tool.home_radius_mm))
-    bench.lathe.enable()
-    bench.lathe.home()
-    bench.sim.mount(job)
-    plan = plan_cut(job, machine, Strategy.NONE)
-    bench.lathe.load(plan.program)
-    bench.lathe.jog_to(AxisName.TOOL, plan.setup.retracted)
-    bench.lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    bench.lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    bench.lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    bench.lathe.start(plan.program.number, plan.setup.retracted)
-    bench.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
+    bench.homed(job)
+    bench.cut(plan_cut(job, machine, Strategy.NONE))
     assert bench.sim.collisions == ()
     trace = bench.sim.measure()
     lobe_um = abs(wave(trace, 3))

@@ -38,20 +38,13 @@ def homed(bench: Bench) -> Bench:
 
 def tool_at(bench: Bench, radius_mm: float, z_mm: float, home_radius_mm: float = 76.0) -> ShopView:
     """Jog the tool tip, carriage first, and look."""
-    bench.lathe.jog_to(AxisName.CARRIAGE, z_mm * CARRIAGE_COUNTS_PER_MM)
+    bench.carriage_to(z_mm * CARRIAGE_COUNTS_PER_MM)
     bench.lathe.jog_to(AxisName.TOOL, (home_radius_mm - radius_mm) * TOOL_COUNTS_PER_MM)
     return bench.sim.look()
 
 
 def cut(bench: Bench, job: Job, machine: MachineProfile) -> None:
-    plan = plan_cut(job, machine, Strategy.NONE, 10)
-    bench.lathe.load(plan.program)
-    bench.lathe.jog_to(AxisName.TOOL, plan.setup.retracted)
-    bench.lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    bench.lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    bench.lathe.jog_to(AxisName.TOOL, plan.tool_start)
-    bench.lathe.start(plan.program.number, plan.setup.retracted)
-    bench.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
+    bench.cut(plan_cut(job, machine, Strategy.NONE))
 
 
 def test_before_homing_the_chuck_stands_where_it_was_left(

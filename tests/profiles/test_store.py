@@ -42,7 +42,8 @@ def test_table_6_of_the_paper() -> None:
 
 def test_bundled_names() -> None:
     assert [entry.name for entry in list_jobs()] == ["lee-2001-experiment-1", "lee-2001-experiment-2"]
-    assert [(entry.name, entry.bundled) for entry in list_machines()] == [("lee-2001-lathe", True)]
+    machines = [("lee-2001-lathe", True), ("turbo-ethernet-lathe", True)]
+    assert [(entry.name, entry.bundled) for entry in list_machines()] == machines
 
 
 def test_the_hash_is_that_of_the_bytes() -> None:

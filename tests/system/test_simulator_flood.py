@@ -6,6 +6,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import pytest
@@ -21,22 +22,31 @@ FLOOD = b"P0..1000\r" * 20_000
 IN_FULL_FLOOD = 500_000
 """Bytes of answers: more than the sockets between the two hold."""
 
-PATIENCE_S = 5.0
-"""A host that had to wait for the whole flood would wait for ever."""
+ANSWERS_TO_A_FLOOD = 20_000 * 2002
+"""Bytes: a line of 1001 zeros each, and more. A host that had to wait for the other's lines would see them all go
+by, for ever; how long it waits in time is the machine's."""
+
+
+@dataclass
+class Raving:
+    """The host that floods: whether it does, and how many bytes of answers it has had."""
+
+    flooding: threading.Event = field(default_factory=threading.Event)
+    answered: int = 0
 
 
 @contextmanager
-def flooded(serve: Serve) -> Iterator[Served]:
+def flooded(serve: Serve) -> Iterator[tuple[Served, Raving]]:
     """A simulator with one host that sends without an end and reads what comes."""
     with serve("--tcp", "127.0.0.1:0") as served, socket.create_connection(served.tcp, timeout=10) as raving:
-        flooding = threading.Event()
+        host = Raving()
         writer = threading.Thread(target=_send_for_ever, args=(raving,))
-        reader = threading.Thread(target=_read_for_ever, args=(raving, flooding))
+        reader = threading.Thread(target=_read_for_ever, args=(raving, host))
         writer.start()
         reader.start()
         try:
-            assert flooding.wait(30)
-            yield served
+            assert host.flooding.wait(30)
+            yield served, host
         finally:
             served.process.kill()
             writer.join(10)
@@ -49,13 +59,12 @@ def _send_for_ever(connected: socket.socket) -> None:
             connected.sendall(FLOOD)
 
 
-def _read_for_ever(connected: socket.socket, flooding: threading.Event) -> None:
-    read = 0
+def _read_for_ever(connected: socket.socket, host: Raving) -> None:
     with suppress(OSError):
         while data := connected.recv(65_536):
-            read += len(data)
-            if read > IN_FULL_FLOOD:
-                flooding.set()
+            host.answered += len(data)
+            if host.answered > IN_FULL_FLOOD:
+                host.flooding.set()
 
 
 def read_until(connected: socket.socket, end: bytes) -> bytes:
@@ -68,11 +77,13 @@ def read_until(connected: socket.socket, end: bytes) -> bytes:
 
 
 def test_another_host_is_answered_and_a_signal_ends_it_during_a_flood(serve: Serve) -> None:
-    with flooded(serve) as served:
-        with socket.create_connection(served.tcp, timeout=PATIENCE_S) as host:
+    with flooded(serve) as (served, raving):
+        with socket.create_connection(served.tcp) as host:
             host.sendall(b"\x18\rI3=2 I6=1\r")
             read_until(host, b"\x06")
             for _ in range(10):
+                before = raving.answered
                 host.sendall(b"P1\r")
                 assert read_until(host, b"\x06") == b"0\r\x06"
+                assert raving.answered - before < ANSWERS_TO_A_FLOOD
         assert served.end() == (0, "", "")

@@ -34,6 +34,7 @@ def look_at(
         return AxisState(position=position, following_error=error, flags=flags)
 
     return Snapshot(
+        asked_s=at_s,
         at_s=at_s,
         tool=axis(tool, tool_error),
         spindle=axis(spindle),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
@@ -104,6 +103,7 @@ def machine(activity: Activity) -> StationState:
     """The simulated lathe half a second after its last look but one, R 27.2346 mm, Z 41.287 mm."""
     flags = REST if activity is Activity.READY else ON
     snapshot = Snapshot(
+        asked_s=NOW_S,
         at_s=NOW_S,
         tool=AxisState(position=243_827.0, following_error=3.0, flags=flags),
         spindle=AxisState(position=10_351.0, following_error=-2.0, flags=flags),
@@ -260,8 +260,3 @@ async def settle(app: ConsoleApp, pilot: Pilot[None]) -> None:
 def rows_of(app: ConsoleApp) -> list[str]:
     """The characters on the terminal, row by row, with their blanks."""
     return ["".join(segment.text for segment in strip) for strip in app.screen._compositor.render_strips()]
-
-
-def writing() -> bool:
-    """Whether the goldens are to be written instead of compared."""
-    return os.environ.get("GOLDENS") == "write"

@@ -25,7 +25,9 @@ from profiles.store import load_machine
 MACHINE = load_machine("lee-2001-lathe").machine
 REST = frozenset({"amplifier_enabled", "desired_velocity_zero", "in_position", "home_complete"})
 AXIS = AxisState(position=0.0, following_error=0.0, flags=REST)
-LOOK = Snapshot(at_s=10.0, tool=AXIS, spindle=AXIS, carriage=AXIS, program_running=False, runtime_error=False)
+LOOK = Snapshot(
+    asked_s=10.0, at_s=10.0, tool=AXIS, spindle=AXIS, carriage=AXIS, program_running=False, runtime_error=False
+)
 READY = StationState(
     activity=Activity.READY, machine="lee-2001-lathe", snapshot=LOOK, looked_s=10.0, round_trip_ms=4.4
 )

@@ -2,14 +2,12 @@
 
 GOLDENS=write pytest tests/tui/test_goldens.py
 
-writes the texts anew. A test that has changed one fails and says so: look at the difference, then run again
-without it. Thus a run that writes is never green by itself, wherever the variable was forgotten.
+writes the texts anew (see `tests.golden_text`).
 """
 
 from __future__ import annotations
 
 import asyncio
-import difflib
 import re
 import string
 import tempfile
@@ -22,7 +20,8 @@ from rich.cells import cell_len
 
 from console.text.catalogue import load
 from console.tui.keymap import PageName
-from tests.tui.scenes import application, fill, fixed_world, played, rows_of, scene_of, writing
+from tests.golden_text import compare, writing
+from tests.tui.scenes import application, fill, fixed_world, played, rows_of, scene_of
 from tests.tui.stage import LANGUAGES, SIZES
 
 FOLDER = Path(__file__).with_name("goldens")
@@ -54,19 +53,6 @@ def picture(page: PageName, size: Size, language: str) -> tuple[str, ...]:
 
 def golden_of(page: PageName, size: Size, language: str) -> Path:
     return FOLDER / f"{page}-{size[0]}x{size[1]}-{language}.txt"
-
-
-def compare(rows: tuple[str, ...], golden: Path, *, write: bool) -> None:
-    """Fail with a difference that can be read, after writing the golden where that is asked for."""
-    now = [row.rstrip() for row in rows]
-    kept = golden.read_text(encoding="utf-8").splitlines() if golden.is_file() else []
-    if now == kept:
-        return
-    if write:
-        golden.write_text("\n".join(now) + "\n", encoding="utf-8")
-        pytest.fail(f"{golden.name} was written: look at it, then run without GOLDENS", pytrace=False)
-    difference = difflib.unified_diff(kept, now, f"{golden.name}, kept", f"{golden.name}, now", lineterm="", n=1)
-    pytest.fail("\n".join(["the screen looks otherwise than it did", *difference]), pytrace=False)
 
 
 @cache

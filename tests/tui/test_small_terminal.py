@@ -83,9 +83,8 @@ def test_space_stops_there(size: Size, tmp_path: Path) -> None:
     play(PageName.RUN, act, tmp_path)
 
 
-@pytest.mark.parametrize("size", TOO_SMALL)
 @pytest.mark.parametrize("page", [PageName.ALIGN, PageName.RUN, PageName.INSPECT])
-def test_no_other_key_does_anything(page: PageName, size: Size, tmp_path: Path) -> None:
+def test_no_other_key_does_anything(page: PageName, tmp_path: Path) -> None:
     keys = [action.keys[0] for action in actions_of(page)]
 
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
@@ -93,11 +92,12 @@ def test_no_other_key_does_anything(page: PageName, size: Size, tmp_path: Path) 
         control.state = scene_of(PageName.JOBS).state
         await resize(app, pilot, USUAL)
         before, orders = rows_of(app), len(control.orders)
-        await resize(app, pilot, size)
-        await pilot.press("f6", "1", "?", *keys)
-        assert (len(control.orders), control.stops, control.kills) == (orders, [], [])
-        await resize(app, pilot, USUAL)
-        assert rows_of(app) == before
+        for size in TOO_SMALL:
+            await resize(app, pilot, size)
+            await pilot.press("f6", "1", "?", *keys)
+            assert (len(control.orders), control.stops, control.kills) == (orders, [], []), size
+            await resize(app, pilot, USUAL)
+            assert rows_of(app) == before, size
 
     play(page, act, tmp_path)
 
@@ -123,15 +123,15 @@ def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
     assert play(PageName.INSPECT, act, tmp_path).return_code == 0
 
 
-@pytest.mark.parametrize("size", TOO_SMALL)
 @pytest.mark.parametrize("page", PageName)
-def test_growing_again_brings_the_page_back(page: PageName, size: Size, tmp_path: Path) -> None:
+def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         before = rows_of(app)
-        await resize(app, pilot, size)
-        assert rows_of(app) != before
-        await resize(app, pilot, USUAL)
-        assert rows_of(app) == before
+        for size in TOO_SMALL:
+            await resize(app, pilot, size)
+            assert rows_of(app) != before, size
+            await resize(app, pilot, USUAL)
+            assert rows_of(app) == before, size
 
     play(page, act, tmp_path)
 

@@ -191,7 +191,7 @@ def why_lines(
 ) -> list[Line]:
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
     word, valid = waiting(state), is_valid(state.alignment, job)
-    if word in ("lost", "stopping", "connecting") or (word == "moving" and not valid):
+    if word in ("lost", "stopping", "connecting", "observing") or (word == "moving" and not valid):
         # No advice for hands while something moves, or may.
         return clipped(wrapped(text(f"align_page.next.{word}"), width, Token.STRONG), height)
     if job is None:

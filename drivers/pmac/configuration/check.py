@@ -26,6 +26,7 @@ class Group(StrEnum):
     SPINDLE = auto()
     CARRIAGE = auto()
     SYSTEM = auto()
+    SAFETY = auto()
     STOPS = auto()
     PROGRAMS = auto()
     PROOFS = auto()

@@ -13,7 +13,7 @@ from drivers.pmac.configuration.configuration import Configuration, passing_sett
 from drivers.pmac.configuration.setting_names import Named, named
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.settings import named_settings
-from profiles.machine import MachineProfile
+from profiles.machine import Controller, MachineProfile
 
 SAME = 1e-6
 """Numbers that differ by less than this part of them are the same: a card has fewer digits than a host."""
@@ -43,9 +43,7 @@ class Judged:
     @cached_property
     def wanted(self) -> Mapping[int, float]:
         """The settings that the profile states, but for those that ordinary work changes."""
-        passing = passing_settings(self.dialect)
-        stated = named_settings(self.machine.controller.variables, self.dialect)
-        return {index: value for index, value in sorted(stated.items()) if index not in passing}
+        return stated_settings_of(self.machine.controller, self.dialect)
 
     @property
     def axes(self) -> tuple[JudgedAxis, ...]:
@@ -111,6 +109,12 @@ class Judged:
             wanted=wanted,
             facts={"nature": of.name.nature.value, **(facts or {})},
         )
+
+
+def stated_settings_of(controller: Controller, dialect: Dialect) -> Mapping[int, float]:
+    """Return the settings that a profile states, by number, but for those that ordinary work changes."""
+    passing, stated = passing_settings(dialect), named_settings(controller.variables, dialect)
+    return {index: value for index, value in sorted(stated.items()) if index not in passing}
 
 
 def same(first: float, second: float) -> bool:

@@ -26,6 +26,8 @@ NUMBERS_A_LINE = 50
 """Variables of one range: a third of a second of a line at 9600 baud."""
 
 WORDS_A_LINE = 16
+MOTORS_A_LINE = 8
+SETTINGS_A_LINE = 12
 TIMEOUT_S = 10.0
 LISTING_TIMEOUT_S = 60.0
 
@@ -45,12 +47,19 @@ _FORM = re.compile(r"M\d+->")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
-    """How much is read: ranges of I-variables and of M-definitions, motors, program numbers."""
+    """How much is read: ranges of I-variables and of M-definitions, motors, numbers of PLCs and programs.
+
+    `tables` are the motors that are asked for a compensation table, None: all of `motors`.
+    Of the table that belongs to motor `unlisted_table` the definition alone is read: entries take seconds.
+    """
 
     settings: tuple[range, ...]
     pointers: tuple[range, ...]
     motors: tuple[int, ...]
+    plcs: tuple[int, ...] = tuple(range(HIGHEST_PLC + 1))
     programs: tuple[int, ...] = PROGRAM_NUMBERS
+    tables: tuple[int, ...] | None = None
+    unlisted_table: int | None = None
 
 
 def whole_card(dialect: Dialect) -> Extent:
@@ -93,12 +102,12 @@ def read_configuration(client: PmacClient, dialect: Dialect, extent: Extent) -> 
         family=dialect.name,
         kind=kind,
         version=version,
-        settings=dict(_settings(client, dialect, extent.settings)),
+        settings=read_ranges(client, dialect, extent.settings),
         axes=dict(_axes(client, dialect, motors)),
         pointers=dict(_pointers(client, extent.pointers)),
-        plcs=dict(listings.of("PLC", range(HIGHEST_PLC + 1))),
+        plcs=dict(listings.of("PLC", extent.plcs)),
         programs=dict(listings.of("PROG", extent.programs)),
-        tables=dict(_tables(client, motors)),
+        tables=dict(_tables(client, motors if extent.tables is None else extent.tables, extent.unlisted_table)),
         conversion=_conversion(client, dialect),
         locked=tuple(listings.locked),
     )
@@ -149,20 +158,23 @@ def read_settings(client: PmacClient, numbers: Iterable[int]) -> Mapping[int, fl
         DriverError: the link broke, or the card has not all of them.
     """
     asked, found = list(numbers), {}
-    for start in range(0, len(asked), 12):
-        part = asked[start : start + 12]
+    for start in range(0, len(asked), SETTINGS_A_LINE):
+        part = asked[start : start + SETTINGS_A_LINE]
         texts = client.query(*(f"I{index}" for index in part), again=True)
         where = client.link.address
         found.update({index: number_in(text, where) for index, text in zip(part, texts, strict=True)})
     return found
 
 
-def _settings(client: PmacClient, dialect: Dialect, ranges: Iterable[range]) -> Iterator[tuple[int, float]]:
-    """Return I-variables, but for those that this host has set when it connected, and timers."""
+def read_ranges(client: PmacClient, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
+    """Return I-variables by number; left out are those that the host sets when it connects, and timers.
+
+    Raises:
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
     where, left_out = client.link.address, fleeting_settings(dialect)
-    for index, text in _reports(client, ranges, "I{first}..{last}"):
-        if index not in left_out:
-            yield index, number_in(text, where)
+    reports = _reports(client, ranges, "I{first}..{last}")
+    return {index: number_in(text, where) for index, text in reports if index not in left_out}
 
 
 def _pointers(client: PmacClient, ranges: Iterable[range]) -> Iterator[tuple[int, str]]:
@@ -191,11 +203,13 @@ def _part(client: PmacClient, part: range, form: str) -> Iterator[tuple[int, str
 
 
 def _axes(client: PmacClient, dialect: Dialect, motors: Sequence[int]) -> Iterator[tuple[int, AxisEntry]]:
-    for motor in motors:
-        text, status = client.query(f"#{motor}->", f"#{motor}?", again=True)
-        if text.strip() == "0":
-            continue
-        yield motor, AxisEntry(_system_of(status, dialect, client.link.address), text.strip())
+    for start in range(0, len(motors), MOTORS_A_LINE):
+        part = motors[start : start + MOTORS_A_LINE]
+        items = [item for motor in part for item in (f"#{motor}->", f"#{motor}?")]
+        found = client.query(*items, again=True)
+        for motor, text, status in zip(part, found[::2], found[1::2], strict=True):
+            if text.strip() != "0":
+                yield motor, AxisEntry(_system_of(status, dialect, client.link.address), text.strip())
 
 
 def _system_of(status: str, dialect: Dialect, where: str) -> int:
@@ -208,12 +222,12 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
     return (second >> _SYSTEM_SHIFT) % dialect.system_count + 1 if assigned else 1
 
 
-def _tables(client: PmacClient, motors: Sequence[int]) -> Iterator[tuple[int, TableEntry]]:
+def _tables(client: PmacClient, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:
     for motor in motors:
         definition = ask_or_none(client, f"#{motor}LIST COMP DEF")
         if not definition:
             continue
-        listed = client.question(f"#{motor}LIST COMP", LISTING_TIMEOUT_S)
+        listed = () if motor == unlisted else client.question(f"#{motor}LIST COMP", LISTING_TIMEOUT_S)
         entries = " ".join(listed).split()
         yield motor, TableEntry(definition[0].strip(), len(entries), digest(entries))
 

@@ -15,6 +15,7 @@ from drivers.pmac.configuration.judged import Judged
 from drivers.pmac.configuration.reading import of_motors, read_configuration
 from drivers.pmac.configuration.rules_of_card import card_rules
 from drivers.pmac.configuration.rules_of_motors import motor_rules
+from drivers.pmac.configuration.safety_checks import safety_checks
 from drivers.pmac.configuration.stops import overruns
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.reserved import HOLD_FLAG, LEASE_TIMER
@@ -40,13 +41,12 @@ def verify(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> Ver
     configuration = read_of_machine(client, machine, dialect)
     judged = Judged(configuration=configuration, machine=machine)
     state = read_state(client, dialect)
-    return Verification(
-        judged=judged, state=state, checks=in_order([*checks_of(judged), *state_checks(state, judged)])
-    )
+    checks = [*checks_of(judged), *state_checks(state, judged), *safety_checks(client, machine.safety)]
+    return Verification(judged=judged, state=state, checks=in_order(checks))
 
 
 def read_of_machine(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> Configuration:
-    """Read what concerns a machine, for its checks and for the fingerprint that is compared before each cut.
+    """Read what concerns a machine, for its checks.
 
     Raises:
         RefusedError: `controller.entering`.

@@ -150,11 +150,16 @@ def _state(look: HeartbeatLook) -> Iterator[Problem]:
     if look.ending:
         yield Problem(code="heartbeat.ending", key=PLC)
     if look.lost:
-        yield Problem(code="heartbeat.lost", key=f"P{reserved.LOST}", value=_said(look.lost), limit="0")
+        yield lost_problem(look.lost)
     if look.activity:
         yield Problem(
             code="heartbeat.guarding", key=f"P{reserved.ACTIVITY}", value=_said(look.activity), limit="0"
         )
+
+
+def lost_problem(lost: float) -> Problem:
+    """Return what an operator has to know of what the card has ended without its host."""
+    return Problem(code="heartbeat.lost", key=f"P{reserved.LOST}", value=_said(lost), limit="0")
 
 
 def _said(activity: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -16,13 +16,16 @@ from drivers.pmac.configuration.judged import Judged
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.text import format_constant
+from drivers.pmac.reserved import MARKER
 from drivers.pmac.status import decode
 from drivers.stop import StopPath
+from drivers.stop_record import Origin, Way, needed_stops
+from profiles.machine import MachineProfile
 
 PARTS = 32
 """Positions in registers are in 1/(Ix08 x 32) count."""
 
-NAMES = (
+RULES = (
     "servo_rate",
     "compensation_edge",
     "table_zero",
@@ -30,10 +33,9 @@ NAMES = (
     "source_delay",
     "roll_over",
     "pvt_rounding",
-    "stop_from_jog",
     "lease",
 )
-"""What there is to prove; the lease is proven by the console before it arms, not here."""
+"""What there is to prove of the card alone."""
 
 SETTLE_S = 0.05
 """Some background cycles, after which what was set is in force."""
@@ -88,6 +90,19 @@ class ProofBench:
             self.stop.check()
             self.client.request(line, lines=0)
 
+    def move(self, line: str) -> None:
+        """Send a line that goes on moving. A stop that overtook it on the way is sent again behind it.
+
+        Raises:
+            StoppedError: before or behind it.
+            DriverError: the card refuses, or does not answer.
+        """
+        self.stop.check()
+        self.client.request(line, lines=0)
+        if self.stop.reason is not None:
+            self.stop.repeat()
+        self.stop.check()
+
     def refuses(self, line: str) -> bool:
         """Whether the card refuses a line as it should: with ERR003."""
         self.stop.check()
@@ -98,15 +113,17 @@ class ProofBench:
         return False
 
     def settle(self, seconds: float = SETTLE_S) -> None:
-        """Let time pass; a stop ends it.
+        """Let time pass; a stop ends it, and so does a link that is gone while something may move.
 
         Raises:
             StoppedError: somebody has stopped.
+            LinkError: the link broke.
         """
         end = self.clock.now_s() + seconds
         while (left := end - self.clock.now_s()) > 0.0:
             self.stop.check()
             self.clock.wait(min(left, SETTLE_S))
+            self.client.query(f"P{MARKER}", again=True)
         self.stop.check()
 
     def position(self, motor: int) -> float:
@@ -177,11 +194,17 @@ def proof(name: str, *, holds: bool, found: str, wanted: str, subject: str = "")
     )
 
 
-def unproven() -> list[Check]:
-    """Return everything that is still to be proven."""
-    return unproven_of(NAMES)
+def stop_name(way: Way, origin: Origin) -> str:
+    """Return what the proof of a stop is called."""
+    return f"stop_{way}_{origin}"
 
 
-def unproven_of(names: Sequence[str]) -> list[Check]:
+def names_of(machine: MachineProfile) -> tuple[str, ...]:
+    """Return everything that there is to prove of a machine."""
+    stops = {(way, origin) for way, origin, _ in needed_stops(machine)}
+    return (*RULES, *(stop_name(way, origin) for origin in Origin for way in Way if (way, origin) in stops))
+
+
+def unproven(names: Iterable[str]) -> list[Check]:
     """Return what has not been proven yet."""
     return [Check(group=Group.PROOFS, code=f"unproven_{name}", outcome=Outcome.NOTED) for name in names]

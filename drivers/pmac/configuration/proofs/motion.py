@@ -1,4 +1,4 @@
-"""What has to be seen in motion, in air: the delay of a table's source, PVT times, a stop in mid-jog."""
+"""What has to be seen in motion, in air: the delay of a table's source, and PVT times."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from drivers.errors import ControllerError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
-from drivers.pmac.configuration.amounts import digits, length
 from drivers.pmac.configuration.check import Check
-from drivers.pmac.configuration.proofs.bench import POLL_S, SETTLE_S, ProofBench, proof, unproven_of
+from drivers.pmac.configuration.proofs.bench import POLL_S, SETTLE_S, ProofBench, proof, unproven
 from drivers.pmac.configuration.reading import ask_or_none
-from drivers.pmac.configuration.stops import after_abort
 from drivers.pmac.gathering.gather_client import DataGathering
 from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.language.text import format_constant
 from drivers.pmac.status import decode
-from drivers.travel import LINK_LATENCY_MS
 
 PROGRAM = 999
 COUNTER = "P1010"
@@ -52,7 +49,7 @@ def source_delay(bench: ProofBench) -> Check:
 def pvt_rounding(bench: ProofBench) -> Check:
     """Measure how long PVT segments of a broken number of ms take; the carriage moves to and fro by ten counts."""
     if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
-        return unproven_of(["pvt_rounding"])[0]  # somebody's program is there
+        return unproven(["pvt_rounding"])[0]  # somebody's program is there
     value = bench.client.numbers(COUNTER, again=True)[0]
     try:
         _load(bench)
@@ -64,28 +61,6 @@ def pvt_rounding(bench: ProofBench) -> Check:
     wanted_ms, other_ms = _segment_ms(bench)
     holds = abs(found_ms - wanted_ms) < abs(found_ms - other_ms)
     return proof("pvt_rounding", holds=holds, found=f"{found_ms:.2f} ms", wanted=f"{wanted_ms:g} ms")
-
-
-def stop_from_jog(bench: ProofBench) -> Check:
-    """Measure how far the spindle runs on after a control-A in mid-jog; every loop is closed."""
-    axis = next(each for each in bench.judged.axes if each.name == "spindle")
-    machine, motor = bench.judged.machine, axis.motor
-    speed = abs(bench.judged.of_motor(axis, 22))
-    bench.tell(f"#{motor}J^{_jog_counts(bench, motor)}")
-    bench.settle(RAMP_S)
-    before, pressed_s = bench.position(motor), bench.clock.now_s()
-    # A control-A would close what has opened meanwhile; without this it is a control-K.
-    bench.stop.loops_closed = all(_closed(bench, each.motor) for each in bench.judged.axes)
-    bench.stop.stop("doctor")
-    rest = _rest(bench, motor)
-    time_s = bench.clock.now_s() - pressed_s
-    late_ms = machine.controller.background_ms + LINK_LATENCY_MS
-    computed = after_abort(speed, bench.judged.of_motor(axis, 15), late_ms)
-    run_on = abs(rest - before)
-    holds = run_on <= computed.counts and bool(run_on) and not bench.stop.killed
-    found = f"{length(run_on, motor, machine)}, {digits(time_s)} s"
-    wanted = f"<= {length(computed.counts, motor, machine)}"
-    return proof("stop_from_jog", holds=holds, found=found, wanted=wanted, subject="spindle")
 
 
 def _delay(bench: ProofBench, spindle: int, target: int) -> int | None:
@@ -171,11 +146,6 @@ def _run(bench: ProofBench) -> float:
     while not _arrived(bench) and bench.clock.now_s() - began_s < REST_TIMEOUT_S:
         bench.settle(POLL_S)
     return (bench.clock.now_s() - began_s) * 1000.0
-
-
-def _closed(bench: ProofBench, motor: int) -> bool:
-    flags = bench.flags(motor)
-    return "amplifier_enabled" in flags and "open_loop" not in flags
 
 
 def _arrived(bench: ProofBench) -> bool:

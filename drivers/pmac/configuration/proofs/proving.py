@@ -2,12 +2,14 @@
 
 Only a card on which everything else holds is moved, from drives killed to drives killed. What was there before is
 there afterwards: no table, no gather buffer, I51 = 0, the definition of the spare M-variable, what is gathered.
+What stays is the heartbeat, without which nothing is moved later either.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.errors import ControllerError, LinkError
@@ -15,14 +17,14 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.configuration.check import Check, Group, Outcome, worst
 from drivers.pmac.configuration.proofs.bench import (
     CHANNELS,
-    NAMES,
     SETTLE_S,
     Before,
     ProofBench,
+    names_of,
     unproven,
-    unproven_of,
 )
-from drivers.pmac.configuration.proofs.motion import pvt_rounding, source_delay, stop_from_jog
+from drivers.pmac.configuration.proofs.motion import pvt_rounding, source_delay
+from drivers.pmac.configuration.proofs.stopping import MeasuredStops, prove_stops
 from drivers.pmac.configuration.proofs.tables import (
     compensation_edge,
     delete_order,
@@ -35,6 +37,7 @@ from drivers.pmac.configuration.reading import Extent, read_configuration, read_
 from drivers.pmac.configuration.verification import Verification
 from drivers.pmac.gathering.gather import GatherError
 from drivers.stop import StopPath
+from drivers.stop_record import StopEntry
 
 Proof = Callable[[ProofBench], Check]
 
@@ -45,34 +48,48 @@ KILLED: Mapping[str, Proof] = {
     "delete_order": delete_order,
 }
 SPINDLE: Mapping[str, Proof] = {"source_delay": source_delay, "roll_over": roll_over}
-CLOSED: Mapping[str, Proof] = {"pvt_rounding": pvt_rounding, "stop_from_jog": stop_from_jog}
+CLOSED: Mapping[str, Proof] = {"pvt_rounding": pvt_rounding}
 
 
-def prove(client: PmacClient, stop: StopPath, clock: Clock, verification: Verification) -> list[Check]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proven:
+    """What came of the proofs, and how the machine was seen to stop."""
+
+    checks: tuple[Check, ...]
+    stops: tuple[StopEntry, ...] = ()
+
+
+def prove(client: PmacClient, stop: StopPath, clock: Clock, verification: Verification) -> Proven:
     """Prove what a cut relies on; the drives are killed before and afterwards.
 
     Raises:
         StoppedError: somebody stopped; the drives are killed.
         LinkError: the link broke; look at the machine.
+        DriverError: an axis does not arrive; the drives are killed.
     """
     judged = verification.judged
+    names = names_of(judged.machine)
     busy = verification.state.enabled or judged.configuration.tables or "gathering" in verification.state.card
     if busy or worst(verification.checks) is Outcome.FAILS:
         first = Check(group=Group.PROOFS, code="proofs_refused", outcome=Outcome.FAILS)
-        return [first, *unproven()]
+        return Proven(checks=(first, *unproven(names)))
     bench = ProofBench(client=client, stop=stop, clock=clock, judged=judged)
     before = _before(bench)
     checks: list[Check] = []
+    stops = MeasuredStops()
     try:
         checks += _stage(bench, KILLED)
-        if judged.machine.spindle.drive == "servo" and not fails(checks):
+        if not judged.machine.spindle.followed and not fails(checks):
             checks += _stage(bench, SPINDLE)
             checks += _closed(bench)
+        if not fails(checks):
+            stops = prove_stops(bench)
+            checks += stops.checks
     finally:
         _leave(bench, before)
     done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
-    missing = [name for name in NAMES if name not in done]
-    return [*checks, *unproven_of(missing)]
+    missing = [name for name in names if name not in done]
+    return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
 
 
 def _stage(bench: ProofBench, proofs: Mapping[str, Proof]) -> list[Check]:
@@ -95,7 +112,10 @@ def _closed(bench: ProofBench) -> list[Check]:
     for axis in bench.judged.axes:
         bench.tell(f"#{axis.motor}J/")
     bench.settle()
-    return _stage(bench, CLOSED)
+    checks = _stage(bench, CLOSED)
+    bench.stop.switch_off()
+    bench.settle()
+    return checks
 
 
 def _leave(bench: ProofBench, before: Before) -> None:

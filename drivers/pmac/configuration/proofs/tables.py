@@ -6,7 +6,7 @@ from drivers.pmac.compensation.table import CompensationTable, TableDefinition, 
 from drivers.pmac.compensation.table_text import definition_text
 from drivers.pmac.configuration.amounts import digits
 from drivers.pmac.configuration.check import Check, Outcome
-from drivers.pmac.configuration.proofs.bench import ProofBench, proof, unproven_of
+from drivers.pmac.configuration.proofs.bench import ProofBench, proof, unproven
 
 FLAT_COUNTS = 10.0
 ENTRY = 16
@@ -53,7 +53,7 @@ def roll_over(bench: ProofBench) -> Check:
     """Prove that a source beyond the span is folded into it."""
     target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
     if abs(here) < LEAST_TURNED:
-        return unproven_of(["roll_over"])[0]
+        return unproven(["roll_over"])[0]
     span = max(16, int(abs(here) / 2.4))
     table = _table(bench, target, span=span, entries=(10 * ENTRY, 30 * ENTRY, 20 * ENTRY, 0))
     found, wanted = _correction(bench, table), table.correction(here)

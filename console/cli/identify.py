@@ -1,0 +1,170 @@
+"""`console identify`: how the tool answers a sine on the path of a strategy, in a table like the paper's fifth."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from console.session.errors import SessionError
+from console.session.signals import Interruption
+from console.text.catalogue import Catalogue
+
+if TYPE_CHECKING:
+    from console.cli.identified_lines import Teller
+    from console.session.owning import Owning
+    from drivers.identification.request import IdentificationRequest
+    from drivers.identification.result import IdentifiedResponse
+    from drivers.identification.rig import Rig
+    from drivers.link.tracing import Tracing
+    from profiles.store import LoadedMachine
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Identify, print and keep the result.
+
+    Raises:
+        ProblemError: a refusal before anything moved, or what ended it; the machine is at rest.
+    """
+    interruption = Interruption()
+    interruption.install()
+    # Numerics take longer to load than the whole command line; the signals are already in hand.
+    from console.cli.identified_lines import Teller, fields_of
+    from console.cli.library import data_of, machine_of
+    from console.cli.output import print_json
+    from console.cli.warn import tell
+    from console.session.identified import store
+    from drivers.link.tracing import Tracing
+
+    machine = machine_of(options)
+    request = _request(options, machine)
+    teller = Teller(machine.machine, request, text, silent=options.json, interruption=interruption)
+    tracing = Tracing(None if options.trace is None else Path(options.trace), f"identify {machine.machine.name}")
+    try:
+        with _reached(options, machine, interruption, tracing) as (rig, owning, simulated):
+            identified = _identified(options, text, rig, owning, simulated, request, teller)
+    finally:
+        tell(tracing.problems, text)
+    if identified is None:
+        return 1
+    file = store(data_of(options), identified)
+    if options.json:
+        print_json(fields_of(identified, machine.machine, str(file)))
+    else:
+        print("\n".join(teller.end(identified, file)))
+    return 0
+
+
+def _request(options: Namespace, machine: LoadedMachine) -> IdentificationRequest:
+    """Return what is asked for.
+
+    Raises:
+        SessionError: everything that forbids it; nothing was opened.
+    """
+    from drivers.cutting.plan import Strategy
+    from drivers.identification.request import (
+        AMPLITUDE_UM,
+        FREQUENCIES_HZ,
+        PERIODS,
+        IdentificationRequest,
+        request_problems,
+    )
+
+    request = IdentificationRequest(
+        path=Strategy(options.strategy),
+        frequencies_hz=FREQUENCIES_HZ if options.frequencies is None else options.frequencies,
+        amplitude_um=AMPLITUDE_UM if options.amplitude is None else options.amplitude,
+        periods=PERIODS if options.periods is None else options.periods,
+    )
+    if problems := request_problems(request, machine.machine):
+        raise SessionError(*problems)
+    return request
+
+
+@contextmanager
+def _reached(
+    options: Namespace, machine: LoadedMachine, interruption: Interruption, tracing: Tracing
+) -> Iterator[tuple[Rig, Owning | None, bool]]:
+    """Reach the machine: one in memory with --sim, else the one at the address that somebody says.
+
+    Raises:
+        ProblemError: nobody says, or nothing can be reached there.
+    """
+    from console.cli.library import data_of
+    from console.session.reaching import reach
+    from console.session.whereabouts import address_of
+    from drivers.identification.rig import Rig
+
+    if options.sim:
+        yield _in_memory(machine, interruption, tracing), None, True
+        return
+    address = address_of(machine.machine, options.link, simulated=False)
+    reached = reach(machine, address, data_of(options), tracing)
+    try:
+        interruption.guard(reached.stop)
+        rig = Rig(client=reached.client, lathe=reached.lathe, clock=reached.clock, leased=True)
+        yield rig, reached.owning, reached.simulated
+    finally:
+        reached.close()
+
+
+def _in_memory(machine: LoadedMachine, interruption: Interruption, tracing: Tracing) -> Rig:
+    """Return a simulated machine whose time is as fast as it is calculated."""
+    from drivers.heartbeat import Heartbeat
+    from drivers.identification.rig import Rig
+    from drivers.lathe import Lathe
+    from drivers.link.memory import MemoryLink
+    from drivers.pmac.client import PmacClient
+    from drivers.simulator.machine import SimulatedLathe
+    from drivers.stop import StopPath
+
+    simulated = SimulatedLathe(machine.machine)
+    link = tracing.of(MemoryLink(simulated.connect(), simulated), simulated.now_s)
+    stop, client = StopPath(link), PmacClient(link, simulated)
+    interruption.guard(stop)
+    heartbeat = Heartbeat(client, simulated, machine.machine)
+    lathe = Lathe(client, machine.machine, simulated, stop, heartbeat=heartbeat)
+    return Rig(client=client, lathe=lathe, clock=simulated, leased=True)
+
+
+def _identified(
+    options: Namespace,
+    text: Catalogue,
+    rig: Rig,
+    owning: Owning | None,
+    simulated: bool,
+    request: IdentificationRequest,
+    teller: Teller,
+) -> IdentifiedResponse | None:
+    """Ask, switch on, identify, switch off; None when nobody has agreed.
+
+    Raises:
+        ProblemError: a refusal, or what went wrong; the machine is at rest with its drives off.
+    """
+    from console.cli.agreement import agreed
+    from drivers.identification.identify import identify, origin_of, refuse_before, take_up
+    from drivers.safety import safety_problems
+
+    version, kind = rig.lathe.connect()
+    unsafe = () if simulated else safety_problems(rig.machine, rig.lathe.snapshot().inputs)
+    if unsafe:
+        raise SessionError(*unsafe)
+    if owning is not None:
+        owning.claim()
+    try:
+        refuse_before(rig, request)
+        if not agreed(options, rig.machine.name, simulated, text, "identify"):
+            return None
+        origin = origin_of(rig, version=version, kind=kind, simulated=simulated)
+        teller.begin(origin)
+        take_up(rig)
+        date = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        identified = identify(rig, request, origin, date, teller.tell)
+        rig.lathe.switch_off()
+        return identified
+    finally:
+        if owning is not None:
+            owning.release()

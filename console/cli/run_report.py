@@ -1,0 +1,83 @@
+"""What is told of a job that was run: a value for each key of the JSON, and lines for people."""
+
+from __future__ import annotations
+
+from console.cli.output import roundness_fields
+from console.session.collisions import collision_problems
+from console.session.run import RunResult
+from console.text.catalogue import Catalogue
+from console.text.columns import table
+
+
+def fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
+    """Return the result for JSON, unrounded; what nobody has measured is null."""
+    plan, figures = result.plan, result.figures
+    return {
+        "job": plan.job.name,
+        "machine": plan.machine.name,
+        "simulated": result.simulated,
+        "strategy": plan.cut.strategy.value,
+        "spindle_rpm": figures.spindle_speed_rpm,
+        "lobe_frequency_hz": result.lobe_frequency_hz,
+        "before": None if result.before is None else roundness_fields(result.before),
+        "after": None if result.after is None else roundness_fields(result.after),
+        "improvement_percent": result.improvement_percent,
+        "roundness_tolerance_um": plan.job.roundness_tolerance_um,
+        "within_tolerance": result.within_tolerance,
+        "tool_error_um": figures.tool_error_um,
+        "tool_error_rms_um": figures.tool_error_rms_um,
+        "following_error_um": figures.following_error_um,
+        "following_error_rms_um": figures.following_error_rms_um,
+        "telemetry_samples": figures.samples,
+        "segment_ms": plan.cut.segment_ms,
+        "cut_duration_s": plan.cut.duration_s,
+        "warnings": warnings,
+        "collisions": list(result.collisions),
+    }
+
+
+def lines(result: RunResult, text: Catalogue) -> list[str]:
+    """Return the result in words."""
+    plan, figures = result.plan, result.figures
+    sim = f"{text('sim')}  " if result.simulated else ""
+    head = f"{sim}{plan.job.name} · {plan.machine.name} · {plan.cut.strategy}"
+    facts = [
+        (text("run.spindle"), f"{figures.spindle_speed_rpm:.1f} rpm, {result.lobe_frequency_hz:.2f} Hz"),
+        (text("run.tool_error"), f"{figures.tool_error_um:.2f} um, rms {figures.tool_error_rms_um:.2f} um"),
+        (
+            text("run.following"),
+            f"{figures.following_error_um:.2f} um, rms {figures.following_error_rms_um:.2f} um",
+        ),
+    ]
+    if result.improvement_percent is not None:
+        facts.insert(0, (text("run.improvement"), f"{result.improvement_percent:.1f} %"))
+    if result.within_tolerance is not None:
+        facts.append((text("run.verdict"), _verdict(result, text)))
+    facts += [(text("run.collision"), text.problem(met)) for met in collision_problems(result.collisions)]
+    closing = text("run.simulated" if result.simulated else "run.measure_it")
+    return ["", head, "", *_parts(result, text), *table(facts), closing]
+
+
+def _verdict(result: RunResult, text: Catalogue) -> str:
+    key = "run.within" if result.within_tolerance else "run.outside"
+    return text(key, limit=f"{result.plan.job.roundness_tolerance_um:g}")
+
+
+def _parts(result: RunResult, text: Catalogue) -> list[str]:
+    """Return the table of the parts that were measured, with a line below it; nothing without any."""
+    parts = {"before": result.before, "after": result.after}
+    measured = {name: part for name, part in parts.items() if part is not None}
+    if not measured:
+        return []
+    job, first = result.plan.job, next(iter(measured.values()))
+    circle = f"RONt ({first.reference_circle}, {first.filter_upr:g} UPR, {text(f'state.{first.state}')})"
+    rows = [
+        ("", *(text(f"part.{name}") for name in measured), ""),
+        (circle, *(f"{part.ront_um:.2f}" for part in measured.values()), "um"),
+        (
+            text("run.harmonic", n=job.jaws),
+            *(f"{part.amplitude_um(job.jaws):.2f}" for part in measured.values()),
+            "um",
+        ),
+    ]
+    return [*table(rows, numeric=tuple(range(1, 1 + len(measured)))), ""]

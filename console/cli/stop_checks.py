@@ -1,0 +1,78 @@
+"""The stop record of a machine as `console doctor` tells and keeps it."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from datetime import date, timedelta
+from typing import TYPE_CHECKING
+
+from console.cli.card_access import Card
+from console.cli.library import data_of
+from console.session.stop_records import load, store, withdraw
+from drivers.pmac.configuration.check import Check, Group, Outcome
+from drivers.stop_record import VALID_DAYS, StopRecord, needed_stops, record_problems, stop_key
+from profiles.problem import Problem, ProfileError
+
+if TYPE_CHECKING:
+    from drivers.pmac.configuration.proofs.proving import Proven
+
+STOPS = ("proof_lease", "proof_stop_")
+"""The codes of the proofs that a record rests on."""
+
+
+def stop_checks(options: Namespace, card: Card, today: date) -> list[Check]:
+    """Return whether the machine may be armed by its stop record; a simulated one measures its own when it is."""
+    if card.simulated:
+        return []
+    try:
+        record = load(data_of(options), card.machine)
+    except ProfileError as error:
+        return [_warned(problem) for problem in error.problems]
+    key = stop_key(card.client, card.machine, card.dialect)
+    problems = record_problems(record, today, key, needed_stops(card.machine))
+    if record is None or problems:
+        return [_warned(problem) for problem in problems]
+    until = record.measured_at + timedelta(days=VALID_DAYS)
+    return [
+        Check(
+            group=Group.STOPS,
+            code="stop_record",
+            outcome=Outcome.HOLDS,
+            found=record.measured_at.isoformat(),
+            wanted=until.isoformat(),
+            facts={"address": record.address},
+        )
+    ]
+
+
+def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> None:
+    """Write down how the machine was seen to stop; a stop that was not as it should be takes the record away.
+
+    Raises:
+        ProfileError: `file.not_writable`.
+        DriverError: the link broke.
+    """
+    if card.simulated:
+        return
+    if any(check.outcome is Outcome.FAILS and check.code.startswith(STOPS) for check in proven.checks):
+        withdraw(data_of(options), card.machine)
+        return
+    key = stop_key(card.client, card.machine, card.dialect)
+    record = StopRecord(
+        machine=card.machine.name,
+        kind=card.kind,
+        version=card.version,
+        key=key,
+        measured_at=today,
+        address=card.address,
+        entries=proven.stops,
+    )
+    if not record_problems(record, today, key, needed_stops(card.machine)):
+        store(data_of(options), card.machine, record)
+
+
+def _warned(problem: Problem) -> Check:
+    """Such a machine may be moved, or nobody could prove its stops; it is only not armed."""
+    area, _, name = problem.code.partition(".")
+    code = f"stops_{name}" if area == "stops" else "stops_unreadable"
+    return Check(group=Group.STOPS, code=code, outcome=Outcome.WARNED, found=problem.value, wanted=problem.limit)

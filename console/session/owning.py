@@ -1,0 +1,90 @@
+"""Who controls the machine: claimed at the connection, taken over only at rest, and every change kept in a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from console.session.console_lock import ConsoleLock
+from drivers.errors import RefusedError
+from drivers.lathe import Lathe
+from drivers.ownership import NOBODY
+from profiles.problem import Problem
+
+LOG_NAME = "ownership.log"
+
+
+class Owning:
+    """The machine at one address, seen by one console.
+
+    `lock` is None for a machine that nobody else can reach, or while another console here holds it.
+    """
+
+    def __init__(
+        self, lathe: Lathe, address: str, data: Path, lock: Callable[[], ConsoleLock | None] | None = None
+    ) -> None:
+        """`lock` takes the lock of this computer; None: nobody else can reach the machine."""
+        self._lathe, self._address, self._data, self._take_lock = lathe, address, data, lock
+        self._lock: ConsoleLock | None = None
+
+    def claim(self) -> None:
+        """Become the owner, also in the place of a console of this computer that has died.
+
+        Raises:
+            RefusedError: `owner.held`, `owner.beside`; this console looks on.
+            SessionError: `lock.unwritable`.
+            LinkError: the link broke.
+        """
+        self._lock_here()
+        if self._lock is None and self._take_lock is not None:
+            raise RefusedError(Problem(code="owner.beside", where=self._address))
+        try:
+            self._lathe.claim()
+        except RefusedError:
+            last = NOBODY if self._lock is None else self._lock.last_number
+            if last == NOBODY or last != self._holder:
+                raise
+            self._log("in the place of a console that died", self._lathe.take_over())
+        self._keep()
+
+    def take_over(self) -> None:
+        """Take the machine from whoever controls it, at rest.
+
+        Raises:
+            RefusedError: `owner.moving`.
+            SessionError: `lock.unwritable`.
+            LinkError: the link broke.
+        """
+        self._lock_here()
+        self._log("taken over", self._lathe.take_over())
+        self._keep()
+
+    def release(self) -> None:
+        """Give the machine back."""
+        self._lathe.release()
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    @property
+    def _holder(self) -> int:
+        return NOBODY if self._lathe.ownership is None else self._lathe.ownership.holder
+
+    def _lock_here(self) -> None:
+        if self._lock is None and self._take_lock is not None:
+            self._lock = self._take_lock()
+
+    def _keep(self) -> None:
+        if self._lock is not None and self._lathe.ownership is not None:
+            self._lock.keep(self._lathe.ownership.number)
+
+    def _log(self, what: str, before: int) -> None:
+        """Add a line to the log; one that cannot be written changes nothing at the machine."""
+        number = NOBODY if self._lathe.ownership is None else self._lathe.ownership.number
+        at = datetime.now(UTC).isoformat(timespec="seconds")
+        with suppress(OSError):
+            self._data.mkdir(parents=True, exist_ok=True)
+            with (self._data / LOG_NAME).open("a", encoding="utf-8") as log:
+                log.write(f"{at} {self._address} {what}: console {before} -> console {number}\n")

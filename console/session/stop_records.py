@@ -1,0 +1,156 @@
+"""The stop record of a machine: kept in the data folder, and asked for before each arm. No record, no arm.
+
+A simulated machine measures its own at once, on a copy of itself in simulated time; it is never written down, so
+that it is not taken for that of a machine of iron.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from datetime import date
+from pathlib import Path
+from urllib.parse import quote
+
+from drivers.errors import DriverError
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.configuration.judged import Judged
+from drivers.pmac.configuration.proofs.bench import ProofBench
+from drivers.pmac.configuration.verification import read_of_machine
+from drivers.pmac.dialect import Dialect
+from drivers.stop import StopPath
+from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops, record_problems, stop_key
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
+
+FOLDER = "stops"
+SCHEMA = 1
+CAP_BYTES = 1_000_000
+
+_measured: dict[tuple[str, str], StopRecord] = {}
+"""What simulated machines have measured since this program was started, by family and profile."""
+
+
+def record_path(data: Path, machine: MachineProfile) -> Path:
+    """Return where the record of a machine is, whatever it is called."""
+    return data / FOLDER / f"{quote(machine.name, safe='')}.json"
+
+
+def store(data: Path, machine: MachineProfile, record: StopRecord) -> Path:
+    """Write a record in place of the one before; return where it is.
+
+    Raises:
+        ProfileError: `file.not_writable`.
+    """
+    path = record_path(data, machine)
+    values = {"schema": SCHEMA, **asdict(record), "measured_at": record.measured_at.isoformat()}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        where, value = printable(str(path.parent)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+    text = json.dumps(values, ensure_ascii=False, indent=1)
+    write_atomically(path, f"{text}\n".encode(), overwrite=True)
+    return path
+
+
+def withdraw(data: Path, machine: MachineProfile) -> None:
+    """Take away the record of a machine that was seen to stop otherwise.
+
+    Raises:
+        ProfileError: `file.not_writable`.
+    """
+    path = record_path(data, machine)
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        where, value = printable(str(path)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+
+
+def load(data: Path, machine: MachineProfile) -> StopRecord | None:
+    """Return the record of a machine, None when there is none.
+
+    Raises:
+        ProfileError: `stops.unreadable`, it is no record; `file.unreadable`, it cannot be opened.
+    """
+    path = record_path(data, machine)
+    if not path.exists():
+        return None
+    content = read_regular_file(path, cap_bytes=CAP_BYTES)
+    try:
+        values = json.loads(content)
+        if values.pop("schema") != SCHEMA:
+            raise ValueError("schema")
+        entries = tuple(_entry(**each) for each in values.pop("entries"))
+        return StopRecord(measured_at=date.fromisoformat(values.pop("measured_at")), entries=entries, **values)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        where = printable(str(path))
+        raise ProfileError(Problem(code="stops.unreadable", where=where, value=printable(str(error)))) from error
+
+
+def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
+    """Measure a simulated machine as it is by its profile, within a second; what fails has no entry."""
+    # The simulator and what the proofs gather load numerics; nobody waits for them who has a machine of iron.
+    from drivers.pmac.configuration.proofs.stopping import MeasuredStops, prove_stops
+    from drivers.simulator.machine import SimulatedLathe
+
+    sim = SimulatedLathe(machine, dialect=dialect)
+    link = MemoryLink(sim.connect(), sim)
+    client = PmacClient(link, sim)
+    version, kind = client.connect()
+    judged = Judged(configuration=read_of_machine(client, machine, dialect), machine=machine)
+    try:
+        stops = prove_stops(ProofBench(client=client, stop=StopPath(link), clock=sim, judged=judged))
+    except DriverError:
+        stops = MeasuredStops()
+    return StopRecord(
+        machine=machine.name,
+        kind=kind,
+        version=version,
+        key=stop_key(client, machine, dialect),
+        measured_at=now,
+        address=link.address,
+        entries=stops.entries,
+    )
+
+
+def stop_record_problems(
+    client: PmacClient, machine: MachineProfile, dialect: Dialect, data: Path | None, simulated: bool, now: date
+) -> tuple[Problem, ...]:
+    """Return why the machine may not be armed by its stop record. `data` is the data folder, None: there is none.
+
+    Of the card it reads what the record was measured with, eleven short lines.
+
+    Raises:
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    key = stop_key(client, machine, dialect)
+    try:
+        record = _simulated(machine, dialect, now) if simulated else data and load(data, machine)
+    except ProfileError as error:
+        return tuple(error.problems)
+    return record_problems(record or None, now, key, needed_stops(machine))
+
+
+def _simulated(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
+    of = dialect.name, repr(machine)
+    if of not in _measured:
+        _measured[of] = simulated_record(machine, dialect, now)
+    return _measured[of]
+
+
+def _entry(way: str, origin: str, **values: object) -> StopEntry:
+    """Return the entry of a file.
+
+    Raises:
+        ValueError: it names another stop, or a value is no number.
+        TypeError: a value is missing, or another one is there.
+    """
+    axis = values.pop("axis")
+    numbers = {name: value for name, value in values.items() if value is not None}
+    if not isinstance(axis, str) or not all(isinstance(value, int | float) for value in numbers.values()):
+        raise ValueError(f"{way} {origin} {axis}")
+    return StopEntry(way=Way(way), origin=Origin(origin), axis=axis, **numbers)  # type: ignore[arg-type]

@@ -1,0 +1,140 @@
+"""The path of `cam`: a compensation table, with the carriage in the place of the spindle, which stands.
+
+The table has one wave over a short way of the carriage and repeats, so the speed of the carriage is the frequency.
+What is gathered is where the carriage is; the reference is what the table says for that place at that instant. So
+everything that lies between is in the response: the cycle by which the source is old, and whether the card feeds a
+correction forward.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from drivers.cutting.corrected import source_is_late
+from drivers.identification.excitation import PROGRAM, SETTLE_S, SLACK_S, Floats, Sweep, go_on
+from drivers.identification.words import axis_word
+from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
+from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.setup import HOLD_FLAG
+from profiles.machine import MachineProfile
+
+COLUMNS = 40
+"""Straight lines in a wave: within 0.3 % of the amplitude."""
+
+WAVE_COUNTS = 400
+"""The way of a wave where speeds leave the choice: a count of the carriage is a hundredth of the swing then."""
+
+SHARE_OF_SPEED = 0.5
+"""Of Ix16 of the carriage, for the highest frequency."""
+
+RAMP_MS, STEP_MS, HOME_IN_MS = 200, 50, 400
+
+_TEXT = """\
+; the carriage goes along the table at {hz} Hz of {wave} counts
+P17={speed} ; its speed, a second
+P21={start} ; where it begins, at a zero of the table
+P22={period} ; one wave
+P23={most} ; segments until it ends by itself
+CLOSE
+OPEN PROG {program}
+CLEAR
+ABS
+{flag}=0 ; the host sets it to end the way
+P25=0
+PVT{ramp}
+{letter}(P21+P17*{ramp}/2000):(P17)
+PVT{step}
+WHILE(P25<P23 AND {go_on})
+P25=P25+1
+{letter}(P21+P17*({ramp}/2000+P25*{step}/1000)):(P17)
+ENDWHILE
+P26=P17*({ramp}/1000+P25*{step}/1000)
+PVT{ramp}
+{letter}(P21+P26):0
+PVT{home_in} ; to rest at a zero of the table
+{letter}(P21+P22*(INT(P26/P22)+1)):0
+CLOSE
+"""
+
+
+def wave_counts(machine: MachineProfile, most_hz: float) -> int:
+    """Return the way of the carriage for one wave of the table.
+
+    Long enough that a jog back is no higher frequency than the highest that is asked for, and short enough that
+    half the speed of the carriage is enough.
+    """
+    motor, variables = machine.carriage.motor, machine.controller.variables
+    shortest = variables[f"I{motor}22"] * 1000.0 / most_hz
+    longest = SHARE_OF_SPEED * variables[f"I{motor}16"] * 1000.0 / most_hz
+    return max(COLUMNS, math.floor(min(max(shortest, WAVE_COUNTS), longest)))
+
+
+def return_hz(machine: MachineProfile, most_hz: float) -> float:
+    """Return the frequency at which the tool swings while the carriage is jogged back."""
+    return machine.controller.variables[f"I{machine.carriage.motor}22"] * 1000.0 / wave_counts(machine, most_hz)
+
+
+def way_counts(machine: MachineProfile, most_hz: float, frequency_hz: float, periods: int) -> float:
+    """Return how far the carriage goes at most."""
+    seconds = periods / frequency_hz + SETTLE_S + SLACK_S + 2.0 * (RAMP_MS + STEP_MS) / 1000.0
+    return wave_counts(machine, most_hz) * (frequency_hz * seconds + 1.0)
+
+
+class CamPath:
+    """The tool swings about where it stands, by the table, while the carriage goes along it from its zero."""
+
+    def __init__(self, machine: MachineProfile, amplitude_um: float, most_hz: float) -> None:
+        """Raises ProfileError: `identify.axis`."""
+        self._machine = machine
+        self._wave = wave_counts(machine, most_hz)
+        self._word = axis_word(machine, machine.carriage.motor)
+        self._dialect = DIALECTS[machine.controller.family]
+        self.table: CompensationTable | None = self._filled(amplitude_um)
+        self.channels = (f"#{machine.carriage.motor} actual", f"#{machine.tool.motor} actual")
+
+    def sweep(self, frequency_hz: float, periods: int) -> Sweep:
+        """Return the program for one frequency."""
+        speed = self._word.length(self._wave * frequency_hz)
+        steady_s = periods / frequency_hz + SETTLE_S + SLACK_S
+        steps = math.ceil(steady_s * 1000.0 / STEP_MS)
+        number = format_number
+        text = _TEXT.format(
+            hz=number(frequency_hz),
+            wave=self._wave,
+            speed=number(speed),
+            start=number(self._word.position(0.0)),
+            period=number(self._word.length(self._wave)),
+            most=steps,
+            ramp=RAMP_MS,
+            step=STEP_MS,
+            home_in=HOME_IN_MS,
+            letter=self._word.letter,
+            program=PROGRAM,
+            flag=HOLD_FLAG,
+            go_on=go_on(self._dialect),
+        )
+        longest_s = (2 * RAMP_MS + HOME_IN_MS + steps * STEP_MS) / 1000.0
+        return Sweep(text=text, steady_s=RAMP_MS / 1000.0 + SETTLE_S, longest_s=longest_s)
+
+    def reference_counts(self, data: GatheredData) -> Floats:
+        """Return what the table says for where the carriage was."""
+        assert self.table is not None  # it is what this path is made of
+        places = data.values[self.channels[0]]
+        return np.array([self.table.correction(float(place)) for place in places])
+
+    @property
+    def late_cycles(self) -> int:
+        """By how many servo cycles the card sees the carriage late; by so many only where the spindle is, too."""
+        return int(self.table is not None and source_is_late(self.table, 0))
+
+    def _filled(self, amplitude_um: float) -> CompensationTable:
+        motor = self._machine.tool.motor
+        source = TableSource(motor=self._machine.carriage.motor, span_counts=self._wave)
+        definition = TableDefinition(motor=motor, sources=(source,), target=motor, columns=COLUMNS)
+        parts = PARTS_PER_COUNT * amplitude_um / self._machine.tool.count_um
+        turns = (k / COLUMNS for k in range(1, COLUMNS + 1))
+        return definition.filled([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])

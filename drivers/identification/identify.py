@@ -1,0 +1,211 @@
+"""Identification, from the drives on to the result: refusals first, then one sine after the other.
+
+The paths differ in the way of the reference from the spindle to the loop, and the spindle has to stand. So `pvt`
+is measured as it is; `cam` with the carriage in the place of the spindle; and `timebase` is the path of `pvt` and
+the servo cycle by which its time is old, which nothing at rest can show. What is used of the card is put back.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from drivers.cutting.plan import Strategy
+from drivers.errors import DriverError, RefusedError
+from drivers.identification.cam_path import CamPath
+from drivers.identification.excitation import Excitation
+from drivers.identification.measuring import measure
+from drivers.identification.nominal import late_cycles
+from drivers.identification.pvt_path import PvtPath
+from drivers.identification.request import IdentificationRequest, request_problems
+from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
+from drivers.identification.rig import HOMED, Before, Rig, card_problems, standing_problems
+from drivers.identification.standstill import link_problems
+from drivers.pmac.compensation.table import step_counts
+from drivers.pmac.compensation.table_text import table_lines
+from drivers.pmac.configuration.reading import read_settings
+from drivers.pmac.settings import servo_cycle_ms
+from drivers.snapshot import AxisName
+from profiles.compensation import delayed
+from profiles.problem import Problem, ProblemError
+
+GAINS = range(30, 36)
+"""Ix30 to Ix35."""
+
+SERVO_TIME = 10
+
+MOST_STEP_COUNTS = 10.0
+"""What switching the table may throw the tool by: the carriage rests within counts of the zero of the table."""
+
+Tell = Callable[[IdentifiedPoint], None]
+"""Told each point of the result as soon as there is one."""
+
+
+def refuse_before(rig: Rig, request: IdentificationRequest) -> None:
+    """Make sure that everything is in order but for the drives.
+
+    Raises:
+        RefusedError: every reason why not; nothing has moved.
+        DriverError: the link broke.
+    """
+    problems = request_problems(request, rig.machine) or card_problems(rig)
+    if problems:
+        raise RefusedError(*problems)
+
+
+def take_up(rig: Rig) -> None:
+    """Switch the drives on and search the zeros that there are none of; the axes move.
+
+    Whatever goes wrong, the machine is at rest, with its drives off, before the error leaves here.
+
+    Raises:
+        RefusedError: `identify.drives_on`, nothing was sent.
+        ProblemError: what went wrong, or who stopped it.
+    """
+    snapshot = rig.lathe.snapshot()
+    if not snapshot.loops_open:
+        raise RefusedError(Problem(code="identify.drives_on", where=rig.where))
+    try:
+        rig.lathe.enable()
+        if not all("home_complete" in snapshot.axis(axis).flags for axis in HOMED):
+            rig.lathe.home()
+    except Exception as error:
+        _leave_at_rest(rig, error)
+        raise
+
+
+def identify(
+    rig: Rig, request: IdentificationRequest, origin: Origin, date: str, tell: Tell = lambda _: None
+) -> IdentifiedResponse:
+    """Measure the response of one path, with the drives on, homed, and everything at rest.
+
+    What is used of the card is put back. Whatever goes wrong, the machine is stopped and at rest, with its drives
+    off, before the error leaves here.
+
+    Raises:
+        RefusedError: nothing has moved.
+        ProblemError: what went wrong, or who stopped it.
+    """
+    refuse_before(rig, request)
+    if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
+        raise RefusedError(*problems)
+    excitation = _excitation(rig, request)
+    cycles = _late_cycles(rig, request, excitation)
+    before = Before.read(rig)
+    table = excitation.table is not None
+    points = []
+    try:
+        _place(rig, excitation)
+        for frequency_hz in request.frequencies_hz:
+            if table:
+                rig.lathe.jog_to(AxisName.CARRIAGE, 0.0, settle=False)
+            point = measure(rig, excitation, frequency_hz, request)
+            points.append(_later(point, cycles * origin.servo_period_ms / 1000.0))
+            tell(points[-1])
+        _switch_off_table(rig, excitation)
+    except Exception as error:
+        _leave_at_rest(rig, error)
+        with suppress(DriverError):  # what went wrong matters more
+            before.put_back(rig, table=table)
+        raise
+    before.put_back(rig, table=table)
+    return IdentifiedResponse(
+        origin=origin,
+        path=request.path,
+        how=COMPOSED if cycles else MEASURED,
+        delay_cycles=cycles,
+        date=date,
+        points=tuple(points),
+    )
+
+
+def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
+    """Read what the response will hold for.
+
+    Raises:
+        DriverError: the link broke.
+    """
+    motor = rig.machine.tool.motor
+    indices = {f"I{motor}{number}": rig.dialect.motor_index(motor, number) for number in GAINS}
+    found = read_settings(rig.client, (SERVO_TIME, *indices.values()))
+    return Origin(
+        machine=rig.machine.name,
+        simulated=simulated,
+        version=version,
+        kind=kind,
+        gains={name: found[index] for name, index in indices.items()},
+        servo_period_ms=servo_cycle_ms(found[SERVO_TIME]),
+    )
+
+
+def _excitation(rig: Rig, request: IdentificationRequest) -> Excitation:
+    if request.path is Strategy.CAM:
+        return CamPath(rig.machine, request.amplitude_um, max(request.frequencies_hz))
+    return PvtPath(rig.machine, request.amplitude_um)
+
+
+def _place(rig: Rig, excitation: Excitation) -> None:
+    """Bring the tool to its zero, out of everything; with a table the carriage, too, and switch it on there.
+
+    Raises:
+        DriverError: `identify.table_steps`, the tool would be thrown; those of the jogs.
+    """
+    rig.lathe.jog_to(AxisName.TOOL, 0.0, settle=False)
+    if excitation.table is None:
+        return
+    rig.lathe.jog_to(AxisName.CARRIAGE, 0.0, settle=False)
+    for line in table_lines(excitation.table):
+        rig.lathe.stop.check()
+        rig.client.request(line, lines=0)
+    _refuse_step(rig, excitation)
+    rig.client.request("I51=1", lines=0)
+
+
+def _switch_off_table(rig: Rig, excitation: Excitation) -> None:
+    """Bring the carriage back to the zero of the table, where switching it off leaves next to nothing."""
+    if excitation.table is None:
+        return
+    rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
+    _refuse_step(rig, excitation)
+
+
+def _refuse_step(rig: Rig, excitation: Excitation) -> None:
+    assert excitation.table is not None  # by the callers
+    step = step_counts(excitation.table, [rig.lathe.snapshot().carriage.position])
+    if step > MOST_STEP_COUNTS:
+        value, limit = f"{step:.1f} counts", f"<= {MOST_STEP_COUNTS:g} counts"
+        raise DriverError(Problem(code="identify.table_steps", key="carriage", value=value, limit=limit))
+
+
+def _leave_at_rest(rig: Rig, error: Exception) -> None:
+    """Stop, wait for rest and switch the drives off.
+
+    Raises:
+        DriverError: the error, with what could not be proven.
+    """
+    lathe = rig.lathe
+    code = error.problems[0].code if isinstance(error, ProblemError) and error.problems else type(error).__name__
+    try:
+        if lathe.stop.reason is None:
+            lathe.stop.stop(code)
+        lathe.wait_for_rest()
+        lathe.switch_off()
+    except ProblemError as unproven:
+        problems = error.problems if isinstance(error, ProblemError) else (Problem(code=code),)
+        raise DriverError(*problems, *unproven.problems, Problem(code="machine.state_unknown")) from error
+
+
+def _late_cycles(rig: Rig, request: IdentificationRequest, excitation: Excitation) -> int:
+    """Return by how many servo cycles the reference of the path comes later than what is measured here."""
+    return late_cycles(request.path, rig.machine) - excitation.late_cycles
+
+
+def _later(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:
+    """Return the response of a path whose reference comes later by a constant time."""
+    if not delay_s:
+        return point
+    measured = cmath.rect(1.0, math.radians(point.phase_deg))
+    return replace(point, phase_deg=math.degrees(cmath.phase(delayed(measured, point.frequency_hz, delay_s))))

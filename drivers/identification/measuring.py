@@ -1,0 +1,127 @@
+"""One sine on the machine: the program runs on its lease, the card gathers in the middle of it, a fit follows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from drivers.errors import DriverError
+from drivers.identification.excitation import PROGRAM, Excitation, Sweep
+from drivers.identification.request import IdentificationRequest
+from drivers.identification.result import IdentifiedPoint
+from drivers.identification.rig import Rig
+from drivers.identification.standstill import Standstill
+from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
+from drivers.pmac.gathering.gathered_data import GatheredData
+from drivers.pmac.program_text import read_program
+from drivers.snapshot import Snapshot
+from profiles.identification import frequency_response, reference_swing
+from profiles.problem import Problem
+
+SPARE_SAMPLES = 2
+"""Beyond the whole periods."""
+
+GATHER_MARGIN_S = 0.05
+"""How much longer than its samples the gathering is waited for."""
+
+END_S = 5.0
+"""How long the tool may take, beyond its program, to be in position."""
+
+STEADY_SHARE = 0.02
+"""By how much the amplitude of the reference may swing: otherwise the record is not of the steady sine."""
+
+
+@dataclass(kw_only=True)
+class Watch:
+    """What is sent while the program runs: GATHER once it is steady, and its end when the samples are there."""
+
+    rig: Rig
+    plan: GatherPlan
+    standstill: Standstill
+    steady_at_s: float
+    enough_at_s: float = field(default=math.inf)
+    ended: bool = False
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take in a look at the machine.
+
+        Raises:
+            DriverError: `identify.no_motion`, the tool does not answer; the card does not gather; the link broke.
+        """
+        self.standstill.see(snapshot)
+        if math.isinf(self.enough_at_s):
+            if snapshot.at_s >= self.steady_at_s and snapshot.program_running:
+                # The buffer was reserved at rest: it is empty, and stays where it is.
+                self.rig.client.request("GATHER")
+                now_s = self.rig.clock.now_s()
+                self.enough_at_s = now_s + self.plan.duration_ms / 1000.0 + GATHER_MARGIN_S
+        elif not self.ended and self.rig.clock.now_s() >= self.enough_at_s:
+            self.ended = True
+            self.rig.client.request("ENDGATHER")
+            self.rig.lathe.hold()
+
+
+def measure(
+    rig: Rig, excitation: Excitation, frequency_hz: float, request: IdentificationRequest
+) -> IdentifiedPoint:
+    """Swing the tool at one frequency, and return its response.
+
+    Raises:
+        DriverError: `identify.gather`, the card does not gather; `identify.ended_early`; `identify.not_steady`;
+            what ended the motion, as for `Lathe.follow`.
+        ProfileError: `identification.*`, what was gathered says nothing.
+    """
+    sweep = excitation.sweep(frequency_hz, request.periods)
+    rig.lathe.load(read_program(sweep.text))
+    gathering = DataGathering(client=rig.client, dialect=rig.dialect)
+    try:
+        plan = _prepared(rig, gathering, excitation, request.periods / frequency_hz)
+        _run(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um))
+        data = gathering.fetch(plan)
+    except GatherError as error:
+        raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
+    return _point(rig, excitation, data, frequency_hz)
+
+
+def _prepared(rig: Rig, gathering: DataGathering, excitation: Excitation, seconds: float) -> GatherPlan:
+    channels = gathering.motor_channels(*excitation.channels)
+    cycle_s = rig.machine.controller.servo_period_ms / 1000.0
+    return gathering.prepare(channels, math.ceil(seconds / cycle_s) + SPARE_SAMPLES)
+
+
+def _run(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
+    out_counts = rig.lathe.snapshot().tool.position  # the tool is out of everything where it swings
+    began_s = rig.clock.now_s()
+    watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=began_s + sweep.steady_s)
+    rig.lathe.start(PROGRAM, out_counts)
+    rig.lathe.follow(watch.see, sweep.longest_s + END_S)
+    if not watch.ended:
+        raise DriverError(Problem(code="identify.ended_early", where=rig.where, key=f"PROG {PROGRAM}"))
+
+
+def _point(rig: Rig, excitation: Excitation, data: GatheredData, frequency_hz: float) -> IdentifiedPoint:
+    count_um = rig.machine.tool.count_um
+    times_s = data.times_ms / 1000.0
+    reference = excitation.reference_counts(data) * count_um
+    swing = reference_swing(times_s, reference, frequency_hz)
+    if swing > STEADY_SHARE:
+        limit = f"<= {100.0 * STEADY_SHARE:g} %"
+        raise DriverError(
+            Problem(
+                code="identify.not_steady",
+                where=f"{frequency_hz:g} Hz",
+                value=f"{100.0 * swing:.3g} %",
+                limit=limit,
+            )
+        )
+    found = frequency_response(times_s, reference, data.values[excitation.channels[1]] * count_um, frequency_hz)
+    return IdentifiedPoint(
+        frequency_hz=frequency_hz,
+        gain=found.gain,
+        phase_deg=found.phase_deg,
+        gain_ci=found.gain_ci,
+        phase_ci_deg=found.phase_ci_deg,
+        coherence=found.coherence,
+        amplitude_um=found.reference,
+    )

@@ -1,0 +1,33 @@
+"""What a path is by the machine profile: the sampled loop, and the servo cycles by which its reference is old."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+from drivers.cutting.plan import Strategy
+from profiles.compensation import delayed
+from profiles.machine import MachineProfile
+from profiles.servo import sampled_response
+
+TIMEBASE_LATE_CYCLES = 1
+"""A time base counts the servo cycle that has ended."""
+
+
+def late_cycles(path: Strategy, machine: MachineProfile) -> int:
+    """Return by how many servo cycles a path sees the spindle late: motors come in the order of their numbers."""
+    if path is Strategy.CAM:
+        return int(machine.spindle.motor > machine.tool.motor)
+    return TIMEBASE_LATE_CYCLES if path is Strategy.TIMEBASE else 0
+
+
+def nominal_response(path: Strategy, machine: MachineProfile, frequency_hz: float) -> complex:
+    """Return the response that a cut on this path inverts."""
+    delay_s = late_cycles(path, machine) * machine.controller.servo_period_ms / 1000.0
+    return delayed(complex(sampled_response(machine, frequency_hz)), frequency_hz, delay_s)
+
+
+def phase_difference_deg(phase_deg: float, response: complex) -> float:
+    """Return by how much a phase is ahead of that of a response, within half a turn."""
+    turned = cmath.rect(1.0, math.radians(phase_deg)) * response.conjugate()
+    return math.degrees(cmath.phase(turned))

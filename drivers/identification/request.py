@@ -1,0 +1,161 @@
+"""What is to be identified, and what forbids it before anything is sent: amplitude, times, drive, clearance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from drivers.cutting.plan import Strategy
+from drivers.identification.cam_path import return_hz, way_counts
+from drivers.pmac.settings import PARTS_PER_COUNT
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.servo import drive_need, following_error_um
+
+PATHS = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
+"""The strategies that invert the servo, each with a way of its own from the spindle to the loop."""
+
+MOST_AMPLITUDE_UM = 50.0
+LEAST_AMPLITUDE_COUNTS = 25.0
+"""Below, the steps of the encoder are too much of it, and a tool that stands is not told from one that swings."""
+
+FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
+"""Those of Table 5 (10, 30, 50 and 70 Hz) and around."""
+
+AMPLITUDE_UM = 25.0
+"""That of Table 5: 50 um peak to peak."""
+
+PERIODS = 20
+
+LEAST_HZ = 1.0
+CYCLES_A_PERIOD = 10.0
+"""Servo cycles that a period has at least."""
+
+LEAST_PERIODS, MOST_PERIODS = 4, 200
+MOST_FREQUENCIES = 40
+MOST_SINE_S = 10.0
+"""How long one sine may be gathered: the time is limited, as the amplitude is, and so is the memory of a card."""
+
+CLEAR_MM = 5.0
+"""How far out of everything that it could meet the tool must stand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentificationRequest:
+    """One path, the frequencies in the order in which they are measured, the amplitude and the length of each."""
+
+    path: Strategy
+    frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ
+    amplitude_um: float = AMPLITUDE_UM
+    periods: int = PERIODS
+
+
+def most_hz(machine: MachineProfile) -> float:
+    """Return the highest frequency that is commanded."""
+    return 1000.0 / machine.controller.servo_period_ms / CYCLES_A_PERIOD
+
+
+def clearance_mm(machine: MachineProfile, amplitude_um: float) -> float:
+    """Return how far the tool at its zero, swinging, is from the largest radius known: the outside of the jaws.
+
+    The centre of mass of a jaw is taken for its middle, and its inner end for the spindle axis.
+    """
+    return machine.tool.home_radius_mm - 2.0 * machine.chuck.jaw_radius_mm - amplitude_um / 1000.0
+
+
+def request_problems(request: IdentificationRequest, machine: MachineProfile) -> tuple[Problem, ...]:
+    """Return everything that forbids this request on this machine; nothing is sent for it."""
+    asked = (*_path(request), *_amplitude(request, machine), *_frequencies(request, machine), *_lengths(request))
+    if asked:
+        return asked
+    swings = request.frequencies_hz
+    if request.path is Strategy.CAM:
+        swings = (*swings, return_hz(machine, max(swings)))
+    driven = (problem for f in swings for problem in _drive(machine, request.amplitude_um, f))
+    return (*_once(driven), *_clearance(machine, request.amplitude_um), *_carriage(request, machine))
+
+
+def _path(request: IdentificationRequest) -> Iterator[Problem]:
+    if request.path not in PATHS:
+        yield Problem(code="identify.path", key="strategy", value=request.path, limit=" | ".join(PATHS))
+
+
+def _amplitude(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
+    least_um = LEAST_AMPLITUDE_COUNTS * machine.tool.count_um
+    if not least_um <= request.amplitude_um <= MOST_AMPLITUDE_UM:
+        limit = f"{least_um:g}..{MOST_AMPLITUDE_UM:g} um"
+        yield Problem(
+            code="identify.amplitude", key="amplitude", value=f"{request.amplitude_um:g} um", limit=limit
+        )
+
+
+def _frequencies(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
+    count = len(request.frequencies_hz)
+    if not 1 <= count <= MOST_FREQUENCIES:
+        yield Problem(
+            code="identify.frequencies", key="frequencies", value=f"{count}", limit=f"1..{MOST_FREQUENCIES}"
+        )
+    for frequency in request.frequencies_hz:
+        if not LEAST_HZ <= frequency <= most_hz(machine):
+            limit = f"{LEAST_HZ:g}..{most_hz(machine):.4g} Hz"
+            yield Problem(code="identify.frequency", key="frequencies", value=f"{frequency:g} Hz", limit=limit)
+
+
+def _lengths(request: IdentificationRequest) -> Iterator[Problem]:
+    if not LEAST_PERIODS <= request.periods <= MOST_PERIODS:
+        limit = f"{LEAST_PERIODS}..{MOST_PERIODS}"
+        yield Problem(code="identify.periods", key="periods", value=f"{request.periods}", limit=limit)
+        return
+    slowest = min((f for f in request.frequencies_hz if f > 0.0), default=math.inf)
+    if request.periods / slowest > MOST_SINE_S:
+        value = f"{request.periods} x {1.0 / slowest:g} s"
+        yield Problem(code="identify.too_long", key="periods", value=value, limit=f"<= {MOST_SINE_S:g} s")
+
+
+def _drive(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> Iterator[Problem]:
+    """Compare a sine with what the axis is set to and able to do: Ix16, Ix17, thrust, the limit of the error."""
+    tool, variables = machine.tool, machine.controller.variables
+    need = drive_need(machine, amplitude_um, frequency_hz)
+    error_um = following_error_um(machine, amplitude_um, frequency_hz)
+    per_mm, motor = tool.counts_per_mm, tool.motor
+    quantities = (
+        ("16", need.velocity_mm_per_s * per_mm / 1000.0, variables[f"I{motor}16"], "counts/ms"),
+        ("17", need.acceleration_m_per_s2 * per_mm / 1000.0, variables[f"I{motor}17"], "counts/ms2"),
+        ("11", error_um, variables[f"I{motor}11"] / PARTS_PER_COUNT * tool.count_um, "um"),
+        ("", need.force_n, tool.continuous_force_n, "N"),
+    )
+    for number, needed, limit, unit in quantities:
+        if needed >= limit:
+            yield Problem(
+                code="identify.beyond_drive",
+                key=f"I{motor}{number}" if number else "tool.continuous_force_n",
+                where=f"{frequency_hz:g} Hz",
+                value=f"{needed:.4g} {unit}",
+                limit=f"< {limit:.4g} {unit}",
+            )
+
+
+def _once(problems: Iterator[Problem]) -> list[Problem]:
+    """Return the first of each kind: where one frequency is too much, the next higher one is, too."""
+    return list({problem.key: problem for problem in reversed(list(problems))}.values())
+
+
+def _clearance(machine: MachineProfile, amplitude_um: float) -> Iterator[Problem]:
+    found_mm = clearance_mm(machine, amplitude_um)
+    if found_mm < CLEAR_MM:
+        yield Problem(
+            code="identify.not_clear", key="tool", value=f"{found_mm:.3g} mm", limit=f">= {CLEAR_MM:g} mm"
+        )
+
+
+def _carriage(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
+    """Look whether the way of the table's path fits into the travel."""
+    if request.path is not Strategy.CAM:
+        return
+    highest = max(request.frequencies_hz)
+    way = max(way_counts(machine, highest, f, request.periods) for f in request.frequencies_hz)
+    way_mm = way / machine.carriage.counts_per_mm
+    if way_mm > machine.carriage.travel_max_mm:
+        limit = f"<= {machine.carriage.travel_max_mm:g} mm"
+        yield Problem(code="identify.carriage_way", key="carriage", value=f"{way_mm:.4g} mm", limit=limit)

@@ -1,0 +1,103 @@
+"""What was identified: one path of one machine, with the firmware and the gains that it holds for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from drivers.cutting.plan import Strategy
+from profiles.problem import Problem, ProfileError
+
+SCHEMA = 1
+
+MEASURED, COMPOSED = "measured", "composed"
+"""A path that was driven as in a cut, or one that is another path and the delay of its source."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifiedPoint:
+    """The response at one frequency: gain and phase with the half-widths of their confidence at 95 %.
+
+    `amplitude_um` is what was commanded, as it was gathered.
+    """
+
+    frequency_hz: float
+    gain: float
+    phase_deg: float
+    gain_ci: float
+    phase_ci_deg: float
+    coherence: float
+    amplitude_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """What a response holds for: the machine by its name, the firmware, gains and servo period of the card.
+
+    `gains` are Ix30 to Ix35 of the tool by their names, as they were read.
+    """
+
+    machine: str
+    simulated: bool
+    version: str
+    kind: str
+    gains: Mapping[str, float]
+    servo_period_ms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifiedResponse:
+    """The response of a path, from where the spindle is to where the tool is.
+
+    `how` is `measured` or `composed`; `delay_cycles` are servo cycles that were added to what was measured.
+    `date` is in UTC, as in 2001-11-30T14:05:00Z.
+    """
+
+    origin: Origin
+    path: Strategy
+    how: str
+    delay_cycles: int
+    date: str
+    points: tuple[IdentifiedPoint, ...]
+
+
+def as_table(identified: IdentifiedResponse) -> dict[str, Any]:
+    """Return it as plain values for a file."""
+    return {"schema": SCHEMA, **asdict(identified)}
+
+
+def from_table(table: Any, where: str = "") -> IdentifiedResponse:
+    """Read what `as_table` has made.
+
+    Raises:
+        ProfileError: `identify.file`, anything else.
+    """
+    try:
+        if table["schema"] != SCHEMA:
+            raise ValueError(f"schema {table['schema']}")
+        origin = table["origin"]
+        gains = {str(name): float(value) for name, value in origin["gains"].items()}
+        identified = IdentifiedResponse(
+            origin=Origin(
+                machine=str(origin["machine"]),
+                simulated=bool(origin["simulated"]),
+                version=str(origin["version"]),
+                kind=str(origin["kind"]),
+                gains=gains,
+                servo_period_ms=float(origin["servo_period_ms"]),
+            ),
+            path=Strategy(table["path"]),
+            how=str(table["how"]),
+            delay_cycles=int(table["delay_cycles"]),
+            date=str(table["date"]),
+            points=tuple(_point(each) for each in table["points"]),
+        )
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        value = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ProfileError(Problem(code="identify.file", where=where, value=value)) from error
+    return identified
+
+
+def _point(table: Mapping[str, Any]) -> IdentifiedPoint:
+    return IdentifiedPoint(**{field.name: float(table[field.name]) for field in fields(IdentifiedPoint)})

@@ -1,0 +1,144 @@
+"""A card with its lathe, for identification: what is looked at first, and what is put back at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from drivers.errors import ControllerError
+from drivers.identification.excitation import PROGRAM
+from drivers.lathe import Lathe
+from drivers.pmac.client import PmacClient
+from drivers.pmac.configuration.reading import ask_or_none, read_settings
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.language.text import format_constant
+from drivers.pmac.programs.cam import correction_register
+from drivers.pmac.status import decode
+from drivers.snapshot import AxisName
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+HOMED = (AxisName.TOOL, AxisName.CARRIAGE)
+"""What has to know its zero; the spindle stands, wherever that is."""
+
+CHANNELS = 2
+"""What is gathered at once."""
+
+LOOK_S = 0.2
+"""Between two looks at a spindle that must stand."""
+
+STANDS_COUNTS = 2.0
+"""What a standing spindle may go meanwhile: the tremble of its encoder."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rig:
+    """One lathe, the client of its card and its clock; unless it is `leased`, by a heartbeat, nothing is moved."""
+
+    client: PmacClient
+    lathe: Lathe
+    clock: Clock
+    leased: bool
+
+    @property
+    def machine(self) -> MachineProfile:
+        """The profile of the machine."""
+        return self.lathe.machine
+
+    @property
+    def dialect(self) -> Dialect:
+        """The family of the card."""
+        return self.client.dialect
+
+    @property
+    def where(self) -> str:
+        """The address of the card."""
+        return self.client.link.address
+
+
+def card_problems(rig: Rig) -> tuple[Problem, ...]:
+    """Return what forbids to identify with this card, whether its drives are on or not; nothing moves.
+
+    Raises:
+        DriverError: the link broke, or another console controls the machine.
+    """
+    found = [*rig.lathe.verify(), *rig.lathe.tables_left()]
+    if not rig.leased:
+        found.append(Problem(code="identify.no_lease", where=rig.where))
+    return (*found, *_in_use(rig), *_spindle_turns(rig))
+
+
+def standing_problems(rig: Rig) -> tuple[Problem, ...]:
+    """Return what forbids the first motion: drives off, no zero, something that moves, a fault.
+
+    Raises:
+        DriverError: the link broke.
+    """
+    snapshot = rig.lathe.snapshot()
+    homed = all("home_complete" in snapshot.axis(axis).flags for axis in HOMED)
+    looked = (
+        ("machine.not_enabled", snapshot.loops_closed),
+        ("machine.not_homed", homed),
+        ("machine.moving", snapshot.at_rest),
+    )
+    missing = [Problem(code=code, where=rig.where) for code, holds in looked if not holds]
+    faults = [Problem(code="machine.fault", key="identify", value=fault) for fault in snapshot.axis_faults]
+    return (*missing, *faults)
+
+
+def _in_use(rig: Rig) -> Iterator[Problem]:
+    """Look for what somebody else has there: a program of that number, a table of the tool, a running gather."""
+    if ask_or_none(rig.client, f"LIST PROG{PROGRAM}"):
+        yield Problem(code="identify.in_use", where=rig.where, key=f"PROG {PROGRAM}")
+    motor = rig.machine.tool.motor
+    if ask_or_none(rig.client, f"#{motor}LIST COMP DEF"):
+        yield Problem(code="identify.in_use", where=rig.where, key=f"#{motor} COMP")
+    (digits,) = rig.client.query("???", again=True)
+    if "gathering" in decode(digits.strip(), rig.dialect.global_bits):
+        yield Problem(code="identify.in_use", where=rig.where, key="GATHER")
+
+
+def _spindle_turns(rig: Rig) -> Iterator[Problem]:
+    before = rig.lathe.snapshot().spindle.position
+    rig.clock.wait(LOOK_S)
+    after = rig.lathe.snapshot().spindle.position
+    if abs(after - before) > STANDS_COUNTS:
+        value, limit = f"{abs(after - before):.4g} counts", f"<= {STANDS_COUNTS:g} counts"
+        yield Problem(code="identify.spindle_turns", key="spindle", value=value, limit=limit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Before:
+    """What identification uses of a card and puts back: the settings of gathering."""
+
+    settings: Mapping[int, float]
+
+    @classmethod
+    def read(cls, rig: Rig) -> Before:
+        """Read it.
+
+        Raises:
+            DriverError: the link broke.
+        """
+        gather = rig.dialect.gathering
+        sources = range(gather.first_source, gather.first_source + CHANNELS)
+        return cls(settings=read_settings(rig.client, (gather.period, *gather.masks, *sources)))
+
+    def put_back(self, rig: Rig, *, table: bool) -> None:
+        """Take the program, the gather buffer and the table away; what the card refuses of that stays.
+
+        With a `table` the correction is made 0: at its zero, or with the drives killed.
+
+        Raises:
+            LinkError: the link broke.
+        """
+        lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
+        if table:
+            correction = f"{correction_register(rig.machine)}=0"
+            lines += ["I51=0", correction, f"#{rig.machine.tool.motor}DELETE COMP"]
+        lines += [f"I{index}={format_constant(value)}" for index, value in self.settings.items()]
+        for line in lines:
+            with suppress(ControllerError):
+                rig.client.request(line, lines=0)

@@ -1,0 +1,119 @@
+"""A tool that does not answer: its encoder has failed, or it is jammed, and nothing else would notice.
+
+A swing is smaller than the limit of the following error. So a reading that stands never trips it, while the loop
+pushes the tool away with what it takes for its error. Two numbers of each look tell: the reading stands, and what
+the loop is told does not.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from drivers.errors import DriverError
+from drivers.identification.request import clearance_mm
+from drivers.identification.rig import Rig
+from drivers.lathe import CUT_POLL_S
+from drivers.pmac.master.converted_position import COUNT_PARTS
+from drivers.pmac.memory import WORD_BITS
+from drivers.snapshot import Snapshot
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.servo_gains import gains_from_variables
+
+PROVING_LOOKS, MOST_LOOKS = 4, 6
+STANDS_COUNTS = 2.0
+MOVES_COUNTS_A_CYCLE = 0.5
+TOLD_SHARE, TOLD_COUNTS = 0.25, 12.0
+"""Of the amplitude, and at least: so much the command must change before a reading is called standing."""
+
+CONFIRMING_PERIODS = (0.25, 0.125)
+"""Two looks half a period apart may see a swing at the same place, or a command: these come a part of one later.
+
+And they come at once: a tool that is pushed away goes on.
+"""
+
+LONGEST_WAIT_S = 0.02
+"""Well within the lease."""
+
+
+def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float) -> float:
+    """Return how far the tool may have gone when a reading that stands has been seen, over such a link.
+
+    What is told swings about the place where the reading stands, at most by the amplitude: that is the error that
+    pushes in the mean. Two looks of the watch, two that confirm, and the way of the stop take their time; then the
+    tool runs out.
+    """
+    tool = machine.tool
+    force_n = gains_from_variables(machine).kp_v_per_m * tool.loop_gain_n_per_v * amplitude_um * 1e-6
+    late_s = PROVING_LOOKS / 2 * (CUT_POLL_S + LONGEST_WAIT_S) + (PROVING_LOOKS + 1) * round_trip_s
+    pushed_m = 0.5 * force_n / tool.moving_mass_kg * late_s**2
+    if tool.damping_n_s_per_m > 0.0:
+        settled_m_s = force_n / tool.damping_n_s_per_m
+        pushed_m = min(pushed_m, settled_m_s * (late_s + tool.moving_mass_kg / tool.damping_n_s_per_m))
+    return 1000.0 * pushed_m
+
+
+def link_problems(rig: Rig, amplitude_um: float) -> tuple[Problem, ...]:
+    """Return what forbids a swing over the link as it answered last: seen too late, the tool meets something."""
+    value_mm = pushed_mm(rig.machine, amplitude_um, rig.lathe.round_trip_s)
+    limit_mm = clearance_mm(rig.machine, amplitude_um)
+    if value_mm < limit_mm:
+        return ()
+    value, limit = f"{value_mm:.1f} mm", f"< {limit_mm:.1f} mm"
+    return (Problem(code="identify.link_slow", where=rig.where, key="amplitude", value=value, limit=limit),)
+
+
+class Standstill:
+    """Looks at the tool while it swings, and opens the loops when it does not."""
+
+    def __init__(self, rig: Rig, frequency_hz: float, amplitude_um: float) -> None:
+        self._rig = rig
+        self._frequency_hz = frequency_hz
+        self._told_counts = max(TOLD_COUNTS, TOLD_SHARE * amplitude_um / rig.machine.tool.count_um)
+        self._looks: deque[tuple[float, float]] = deque(maxlen=MOST_LOOKS)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take in a look.
+
+        Raises:
+            DriverError: `identify.no_motion`, every loop is open then; or the link broke.
+        """
+        tool = snapshot.tool
+        self._looks.append((tool.position, tool.position + tool.following_error))
+        if len(self._looks) > 1 and abs(self._looks[-1][0] - self._looks[-2][0]) > STANDS_COUNTS:
+            return
+        fastest = 0.0
+        for periods in CONFIRMING_PERIODS:
+            self._rig.clock.wait(min(periods / self._frequency_hz, LONGEST_WAIT_S))
+            fastest = max(fastest, abs(self._confirmed()))
+        if self._stands() and fastest < MOVES_COUNTS_A_CYCLE:
+            self._rig.lathe.stop.kill("identify.no_motion")
+            value = f"{self._looks[-1][0]:.1f} counts"
+            raise DriverError(Problem(code="identify.no_motion", key="tool", where=self._rig.where, value=value))
+
+    def _confirmed(self) -> float:
+        """Look at the tool alone, and return its velocity in that servo cycle, counts.
+
+        A card answers once in a background cycle; where that is half a period, every look sees the same place.
+
+        Raises:
+            DriverError: the link broke.
+        """
+        motor, dialect = self._rig.machine.tool.motor, self._rig.dialect
+        register = dialect.registers["velocity"]
+        address = register.address + (motor - 1) * register.stride
+        items = (f"#{motor}P", "F", f"R{register.space}${address:X}")
+        position, error, word = self._rig.client.numbers(*items, again=True)
+        self._looks.append((position, position + error))
+        signed = word - (1 << WORD_BITS) if word >= 1 << (WORD_BITS - 1) else word
+        return signed / (self._rig.machine.controller.variables[f"I{motor}09"] * COUNT_PARTS)
+
+    def _stands(self) -> bool:
+        """Whether the reading stood in the last looks, however many of them are taken, and the command did not."""
+        for count in range(PROVING_LOOKS, len(self._looks) + 1):
+            readings, told = zip(*list(self._looks)[-count:], strict=True)
+            if max(readings) - min(readings) > STANDS_COUNTS:
+                return False
+            if max(told) - min(told) >= self._told_counts:
+                return True
+        return False

@@ -1,0 +1,87 @@
+"""Looking at the machine: one request a look, with the lease in front where one is due.
+
+Each look tells the stop what the drives do, because the right stop depends on that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.clock import Clock
+from drivers.errors import DriverError, LinkTimeoutError
+from drivers.heartbeat import Heartbeat
+from drivers.ownership import Ownership
+from drivers.pmac.client import PmacClient
+from drivers.snapshot import Snapshot, SnapshotItems
+from drivers.stop import StopPath
+
+LOOK_TIMEOUT_S = 0.3
+"""How long a look may take, before it is tried once more: in a cut nothing else tells of a fault."""
+
+
+class Looks:
+    """What the controller says of itself.
+
+    `loops_closed` is whether the last look saw every driven axis under control; False when it failed. `verified`
+    is set by whoever has compared the controller with its profile. `round_trip_s` is how long the last look took.
+    """
+
+    def __init__(
+        self,
+        client: PmacClient,
+        clock: Clock,
+        stop: StopPath,
+        items: SnapshotItems,
+        *,
+        seen: Callable[[Snapshot], None] | None = None,
+        heartbeat: Heartbeat | None = None,
+        ownership: Ownership | None = None,
+    ) -> None:
+        """`seen` is given every look that was read; it must return at once and not raise."""
+        self.loops_closed = False
+        self.verified = False
+        self.round_trip_s = 0.0
+        self._client, self._clock, self._stop, self._items = client, clock, stop, items
+        self._seen, self._heartbeat, self._ownership = seen, heartbeat, ownership
+
+    def in_doubt(self) -> None:
+        """What the drives do now is not known, so the stop must not rely on it."""
+        self._stop.loops_closed = self.loops_closed = False
+
+    def look(self) -> Snapshot:
+        """Read the state of the machine in one request, and once more when its reply does not come.
+
+        Raises:
+            DriverError: `heartbeat.lapsed`, this host was silent for so long that the card has ended the motion.
+            LinkError: the link broke or is out of step.
+        """
+        try:
+            return self.look_once(LOOK_TIMEOUT_S)
+        except LinkTimeoutError:
+            return self.look_once(LOOK_TIMEOUT_S)
+
+    def look_once(self, timeout_s: float) -> Snapshot:
+        """Read the state of the machine in one request.
+
+        Raises:
+            DriverError: as for `look`.
+        """
+        lease = "" if self._heartbeat is None else self._heartbeat.renewal()
+        asked_s = self._clock.now_s()
+        try:
+            line = " ".join((lease, *self._items.items)).lstrip()
+            replies = self._client.request(line, timeout_s, lines=len(self._items.items))
+            at_s = self._clock.now_s()
+            snapshot = self._items.read(replies, asked_s, at_s, self._client.link.address)
+        except DriverError:
+            self.in_doubt()
+            raise
+        # A motor that is not ours would be closed by the same control-A, so that must be known, too.
+        self._stop.loops_closed = snapshot.nothing_open and self.verified
+        self.loops_closed = snapshot.loops_closed
+        self.round_trip_s = at_s - asked_s
+        if self._ownership is not None:
+            self._ownership.see(snapshot.owner)
+        if self._seen is not None:
+            self._seen(snapshot)
+        return snapshot

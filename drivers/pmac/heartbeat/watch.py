@@ -1,0 +1,104 @@
+"""Looking at motors that are coming to rest: where they are, and whether the card has ended what it guards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from drivers.errors import LinkError
+from drivers.pmac import reserved
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat.lease import SYSTEM
+from drivers.pmac.heartbeat.registers import ENDING
+from drivers.pmac.status import decode
+from profiles.problem import Problem
+
+LOOK_EVERY_S = 0.01
+LOOKS_AT_REST = 3
+REST_BAND_COUNTS = 2.0
+"""Rest is so many looks in a row, between which a motor goes no further than this: an encoder trembles by one."""
+
+Flags = frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """One look, between two times of the host.
+
+    `lost` is whether the card has ended something without a host, `ending` whether it still is about to.
+    """
+
+    asked_s: float
+    answered_s: float
+    lost: bool
+    ending: bool
+    running: bool
+    positions: Mapping[int, float]
+    flags: Mapping[int, Flags]
+
+    def still(self, motor: int) -> bool:
+        """Whether a motor is commanded to stand still and no move is left, or it is not commanded at all."""
+        flags = self.flags[motor]
+        return "open_loop" in flags or ("desired_velocity_zero" in flags and "move_timer_active" not in flags)
+
+
+class Watch:
+    """Some motors, their program and the word of the PLC, asked for in one request."""
+
+    def __init__(self, client: PmacClient, clock: Clock, dialect: Dialect, motors: tuple[int, ...]) -> None:
+        self.client, self.clock, self.motors = client, clock, motors
+        self._dialect = dialect
+
+    def look(self) -> Look:
+        """Look once.
+
+        Raises:
+            LinkError: the link broke, or answers something that was not asked for.
+        """
+        asked_s = self.clock.now_s()
+        of_motors = [item for motor in self.motors for item in (f"#{motor}P", "?")]
+        words = (f"P{reserved.LOST}", f"P{ENDING}")
+        lost, ending, *found, system = self.client.query(*words, *of_motors, f"&{SYSTEM}??", again=True)
+        try:
+            return Look(
+                asked_s=asked_s,
+                answered_s=self.clock.now_s(),
+                lost=float(lost) != 0.0,
+                ending=float(ending) != 0.0,
+                running="running_program" in decode(system, self._dialect.system_bits),
+                positions={motor: float(text) for motor, text in zip(self.motors, found[::2], strict=True)},
+                flags={
+                    motor: decode(text, self._dialect.motor_bits)
+                    for motor, text in zip(self.motors, found[1::2], strict=True)
+                },
+            )
+        except ValueError as error:
+            where = self.client.link.address
+            raise LinkError(
+                Problem(code="link.out_of_step", where=where, key="P ? ??", value=str(error))
+            ) from error
+
+
+def rests(looks: Sequence[Look]) -> bool:
+    """Whether everything rests by the last looks."""
+    last = looks[-LOOKS_AT_REST:]
+    return len(last) == LOOKS_AT_REST and all(_rested(last, motor) for motor in last[0].positions)
+
+
+def rest_s(looks: Sequence[Look], *motors: int) -> float | None:
+    """Return when motors (all, if none is named) were first seen at rest for good; None: they were not."""
+    found = None
+    for place in range(len(looks) - LOOKS_AT_REST, -1, -1):
+        window = looks[place : place + LOOKS_AT_REST]
+        if not all(_rested(window, motor) for motor in motors or window[0].positions):
+            break
+        found = window[0].answered_s
+    return found
+
+
+def _rested(looks: Sequence[Look], motor: int) -> bool:
+    places = [look.positions[motor] for look in looks]
+    still = all(look.still(motor) and not look.running for look in looks)
+    return still and max(places) - min(places) <= REST_BAND_COUNTS

@@ -1,0 +1,65 @@
+"""Sending what moves, energises or writes: once, by the owner of the machine, and never past a stop."""
+
+from __future__ import annotations
+
+from drivers.errors import LinkError, RefusedError
+from drivers.looks import Looks
+from drivers.ownership import Ownership
+from drivers.pmac.client import PmacClient
+from drivers.stop import StopPath
+from profiles.problem import Problem
+
+
+class Sending:
+    """The way of every order to the controller. `has_moved` says whether anything that moves was ever sent."""
+
+    def __init__(self, client: PmacClient, stop: StopPath, looks: Looks, ownership: Ownership | None) -> None:
+        self.has_moved = False
+        self._client, self._stop, self._looks, self._ownership = client, stop, looks, ownership
+
+    def refuse_unless_owner(self) -> None:
+        """Make sure that this console may command the machine.
+
+        Raises:
+            RefusedError: `owner.held`, `owner.observer`.
+        """
+        if self._ownership is not None:
+            self._ownership.refuse_unless_owner()
+
+    def move(self, line: str) -> None:
+        """Send a line that moves something, to axes that are under control: it must not close an open loop.
+
+        Raises:
+            RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
+        """
+        if not self._looks.loops_closed and not self._looks.look().loops_closed:
+            raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
+        self.once(line)
+
+    def once(self, line: str) -> None:
+        """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
+
+        Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
+
+        Raises:
+            StoppedError: before or behind it.
+            RefusedError: `machine.hands_in` and those of `refuse_unless_owner`; nothing was sent.
+        """
+        if not self._client.in_step:
+            self._client.resynchronise()  # takes its time, in which somebody may stop
+        self._stop.check()
+        self.refuse_unless_owner()
+        if self._stop.hands_in:
+            raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))
+        self.has_moved = True
+        try:
+            self._client.send(line)
+            if self._stop.reason is not None:
+                self._stop.repeat()
+            self._client.reply(line)
+        except LinkError:
+            self._looks.in_doubt()
+            raise
+        if self._stop.reason is not None:
+            self._stop.repeat()
+        self._stop.check()

@@ -1,0 +1,134 @@
+"""How a machine was seen to stop: measured on it, once for its settings, and believed for a while only.
+
+For the controller a cut cable and a host that was killed (SIGKILL) are what the loss of the lease is: the host
+falls silent. So there are three ways to stop: control-A, control-K, and silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from datetime import date
+from enum import StrEnum
+
+from drivers.pmac.client import PmacClient
+from drivers.pmac.configuration.configuration import digest
+from drivers.pmac.configuration.reading import read_ranges
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat.lease import SERVO_PERIOD
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+VALID_DAYS = 180
+"""So long a record is believed: drives, brakes and friction change. Half a year is a usual interval of checks."""
+
+MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)
+"""Ix15 to Ix25, what stops and ramps a motor and what its flags do; Ix30 to Ix35, its gains."""
+
+OUTPUT_SETTINGS = range(68, 70)
+"""Ix68 and Ix69: with what force it may brake."""
+
+
+class Way(StrEnum):
+    """How the machine is stopped."""
+
+    ABORT = "abort"
+    """Control-A: every loop stays closed."""
+
+    KILL = "kill"
+    """Control-K: every loop is opened, the spindle runs out."""
+
+    LEASE = "lease"
+    """The host falls silent, and the controller ends by itself what moves."""
+
+
+class Origin(StrEnum):
+    """Out of which motion."""
+
+    JOG = "jog"
+    CUT = "cut"
+    """In air, at full speed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopEntry:
+    """How far one axis went, and for how long, from the last word of the host to rest.
+
+    A linear axis has its way in mm and its speed in mm/s, the spindle in deg and rpm; the others are None.
+    """
+
+    way: Way
+    origin: Origin
+    axis: str
+    time_s: float
+    distance_mm: float | None = None
+    distance_deg: float | None = None
+    speed_mm_per_s: float | None = None
+    speed_rpm: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopRecord:
+    """The entries of one machine. `kind` and `version` are its controller's; `key` is `stop_key` of its settings.
+
+    `address` is the link that it was measured over, for people.
+    """
+
+    machine: str
+    kind: str
+    version: str
+    key: str
+    measured_at: date
+    address: str
+    entries: tuple[StopEntry, ...]
+
+
+def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
+    """Return what a complete record has.
+
+    A spindle on an inverter is never closed, so that control-A is no stop of such a machine, and it is switched
+    off at the lathe.
+    """
+    followed = machine.spindle.followed
+    ways = (Way.KILL, Way.LEASE) if followed else tuple(Way)
+    axes = ("tool", "carriage") if followed else ("tool", "spindle", "carriage")
+    return frozenset((way, origin, axis) for way in ways for origin in Origin for axis in axes)
+
+
+def record_problems(
+    record: StopRecord | None, now: date, key: str, needed: Iterable[tuple[Way, Origin, str]]
+) -> tuple[Problem, ...]:
+    """Return why nothing may be armed by this record: none, too old, of other settings, not all of it."""
+    if record is None:
+        return (Problem(code="stops.no_record"),)
+    return tuple(_problems(record, now, key, needed))
+
+
+def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> str:
+    """Read what decides how the machine stops, and return its hash.
+
+    Raises:
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    kind, version = client.query("TYPE", "VERSION", again=True)
+    blocks = [
+        range(dialect.motor_index(motor, part.start), dialect.motor_index(motor, part.stop))
+        for motor in (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+        for part in (MOTION_SETTINGS, FILTER_SETTINGS, OUTPUT_SETTINGS)
+    ]
+    settings = read_ranges(client, dialect, [range(SERVO_PERIOD, SERVO_PERIOD + 1), *blocks])
+    lines = [f"I{index}={value!r}" for index, value in sorted(settings.items())]
+    return digest([machine.name, kind.strip(), version.strip(), *lines])
+
+
+def _problems(
+    record: StopRecord, now: date, key: str, needed: Iterable[tuple[Way, Origin, str]]
+) -> Iterator[Problem]:
+    if not 0 <= (now - record.measured_at).days <= VALID_DAYS:
+        limit = f"<= {VALID_DAYS} d"
+        yield Problem(code="stops.expired", value=record.measured_at.isoformat(), limit=limit)
+    if record.key != key:
+        yield Problem(code="stops.other_settings", value=record.key[:12], limit=key[:12])
+    missing = frozenset(needed) - {(entry.way, entry.origin, entry.axis) for entry in record.entries}
+    if missing:
+        yield Problem(code="stops.incomplete", value=", ".join(sorted(" ".join(each) for each in missing)))

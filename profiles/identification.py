@@ -1,0 +1,221 @@
+"""How an axis answers a sine: gain, phase, their confidence and the coherence, from samples alone.
+
+In a segment of whole periods each signal is fitted by least squares with
+
+    x(t) = a cos(w t) + b sin(w t) + c + d (t - tm),    w = 2 pi f, tm the middle of the segment,
+
+so that an offset and a drift (an integrator that settles) do not leak into the sine. Its phasor is X = a - j b,
+with x(t) = Re{X exp(j w t)}. Of the K segments with phasors R_k of the reference and Y_k of the response
+
+    H  = sum Y_k conj(R_k) / sum |R_k|^2                                     least squares over the segments
+    g2 = |sum Y_k conj(R_k)|^2 / (sum |R_k|^2 sum |Y_k|^2)                   coherence, magnitude squared, 0 to 1
+
+(J. S. Bendat and A. G. Piersol, Random Data: the estimator H1 and its coherence, at one frequency). A lag is a
+negative phase. The coherence of K segments without any relation has the mean 1/K, not 0.
+
+The confidence is the larger of two, because each is blind to something. By the scatter of the segments, with
+e_k = Y_k - H R_k, a component of H has the variance sum |e_k|^2 / (2 (K - 1)) / sum |R_k|^2, of 2 (K - 1) degrees
+of freedom: that sees what changes from one segment to the next. By the residuals of the fits, a sample of the
+variance s^2, it has s^2 times that of the normal equations: that sees what a handful of segments may hide by
+chance. Half-widths are for 95 %, by Student's t.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.problem import Problem, ProfileError
+
+CONFIDENCE = 0.95
+
+MOST_SEGMENTS = 10
+"""Segments of a record at most; each has as many whole periods as that needs."""
+
+LEAST_SEGMENTS = 2
+"""One segment has a coherence of 1, whatever it is."""
+
+PARAMETERS = 4
+LEAST_SAMPLES = 2 * PARAMETERS
+"""Of a segment: twice what is fitted, so that there is a residual to speak of."""
+
+LEAST_SAMPLES_A_PERIOD = 2.5
+"""More than two, or it is another frequency that is seen."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SineFit:
+    """A sine in samples: `phasor` X in Re{X exp(j w t)}, `residual` the standard deviation of what is left.
+
+    `phasor_variance` is that of a component of the phasor if what is left is white.
+    """
+
+    phasor: complex
+    offset: float
+    drift_per_s: float
+    residual: float
+    phasor_variance: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrequencyResponse:
+    """The response at one frequency. `reference` is the amplitude of the reference, in its unit.
+
+    `gain_ci` and `phase_ci_deg` are half-widths at `CONFIDENCE`. The phase is in -180 to 180 deg.
+    """
+
+    frequency_hz: float
+    gain: float
+    phase_deg: float
+    gain_ci: float
+    phase_ci_deg: float
+    coherence: float
+    reference: float
+    segments: int
+
+    @property
+    def response(self) -> complex:
+        """Gain and phase as one complex number."""
+        return cmath.rect(self.gain, math.radians(self.phase_deg))
+
+
+def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineFit:
+    """Fit a sine of known frequency with offset and drift; times may begin anywhere.
+
+    Raises:
+        ProfileError: `identification.too_short`, `identification.not_finite`.
+    """
+    time, samples = _columns(time_s, values)
+    if len(time) < LEAST_SAMPLES:
+        limit = f">= {LEAST_SAMPLES}"
+        raise ProfileError(Problem(code="identification.too_short", value=f"{len(time)}", limit=limit))
+    angle = 2.0 * np.pi * frequency_hz * time
+    middle = 0.5 * (time[0] + time[-1])
+    basis = np.stack([np.cos(angle), np.sin(angle), np.ones_like(time), time - middle], axis=1)
+    found = np.linalg.lstsq(basis, samples, rcond=None)[0]
+    left = samples - basis @ found
+    variance = float(left @ left) / (len(time) - PARAMETERS)
+    spread = np.linalg.pinv(basis.T @ basis)
+    return SineFit(
+        phasor=complex(found[0], -found[1]),
+        offset=float(found[2]),
+        drift_per_s=float(found[3]),
+        residual=math.sqrt(variance),
+        phasor_variance=variance * 0.5 * float(spread[0, 0] + spread[1, 1]),
+    )
+
+
+def frequency_response(
+    time_s: ArrayLike, reference: ArrayLike, response: ArrayLike, frequency_hz: float
+) -> FrequencyResponse:
+    """Return how `response` follows `reference` at one frequency, from samples at the same instants.
+
+    Raises:
+        ProfileError: `identification.too_short`, less than two segments of whole periods;
+            `identification.not_finite`; `identification.no_reference`, there is nothing of that frequency in it.
+    """
+    time, given = _columns(time_s, reference)
+    _, answered = _columns(time_s, response)
+    pieces = _segments(time, frequency_hz)
+    references = [fit_sine(time[piece], given[piece], frequency_hz) for piece in pieces]
+    responses = [fit_sine(time[piece], answered[piece], frequency_hz) for piece in pieces]
+    r = np.array([fit.phasor for fit in references])
+    y = np.array([fit.phasor for fit in responses])
+    energy = float(np.sum(np.abs(r) ** 2))
+    if math.sqrt(energy / len(r)) <= _rounding(given):
+        raise ProfileError(Problem(code="identification.no_reference", value=f"{frequency_hz:g} Hz"))
+    found = complex(np.sum(y * r.conj())) / energy
+    gain_ci = max(_by_scatter(r, y, found, energy), _by_residuals(r, responses, energy))
+    return FrequencyResponse(
+        frequency_hz=frequency_hz,
+        gain=abs(found),
+        phase_deg=math.degrees(cmath.phase(found)),
+        gain_ci=gain_ci,
+        phase_ci_deg=_phase_ci_deg(abs(found), gain_ci),
+        coherence=_coherence(r, y, energy, _rounding(answered)),
+        reference=math.sqrt(energy / len(r)),
+        segments=len(pieces),
+    )
+
+
+def reference_swing(time_s: ArrayLike, reference: ArrayLike, frequency_hz: float) -> float:
+    """Return by what share the amplitude of the reference differs from its mean in one of the segments, at most.
+
+    Raises:
+        ProfileError: as for `frequency_response`.
+    """
+    time, given = _columns(time_s, reference)
+    pieces = _segments(time, frequency_hz)
+    sizes = np.abs([fit_sine(time[piece], given[piece], frequency_hz).phasor for piece in pieces])
+    mean = float(sizes.mean())
+    return float(np.abs(sizes - mean).max()) / mean if mean else math.inf
+
+
+def _columns(time_s: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
+    time, samples = np.asarray(time_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    if not (np.isfinite(time).all() and np.isfinite(samples).all()):
+        raise ProfileError(Problem(code="identification.not_finite"))
+    return time, samples
+
+
+def _segments(time: Floats, frequency_hz: float) -> list[slice]:
+    """Return the pieces of a record, each as near to whole periods as the samples are."""
+    if len(time) < LEAST_SEGMENTS * LEAST_SAMPLES:
+        limit = f">= {LEAST_SEGMENTS * LEAST_SAMPLES}"
+        raise ProfileError(Problem(code="identification.too_short", value=f"{len(time)}", limit=limit))
+    step_s = (time[-1] - time[0]) / (len(time) - 1)
+    # The sample behind the last one would end its period.
+    periods = math.floor(len(time) * step_s * frequency_hz + 0.5 * step_s * frequency_hz)
+    each = max(1, math.ceil(periods / MOST_SEGMENTS))
+    edges = [round(k * each / frequency_hz / step_s) for k in range(periods // each + 1)]
+    pieces = [slice(first, min(last, len(time))) for first, last in pairwise(edges)]
+    samples = 1.0 / frequency_hz / step_s
+    shortest = min((piece.stop - piece.start for piece in pieces), default=0)
+    if len(pieces) < LEAST_SEGMENTS or shortest < LEAST_SAMPLES or samples < LEAST_SAMPLES_A_PERIOD:
+        value = f"{periods} periods of {samples:.3g} samples"
+        limit = f">= {LEAST_SEGMENTS} periods of {LEAST_SAMPLES} samples"
+        raise ProfileError(Problem(code="identification.too_short", value=value, limit=limit))
+    return pieces
+
+
+def _by_scatter(r: NDArray[np.complex128], y: NDArray[np.complex128], found: complex, energy: float) -> float:
+    freedom = 2 * (len(r) - 1)
+    variance = float(np.sum(np.abs(y - found * r) ** 2)) / freedom / energy
+    return _student(freedom) * math.sqrt(variance)
+
+
+def _by_residuals(r: NDArray[np.complex128], responses: list[SineFit], energy: float) -> float:
+    variances = np.array([fit.phasor_variance for fit in responses])
+    variance = float(np.sum(np.abs(r) ** 2 * variances)) / energy**2
+    return _student(math.inf) * math.sqrt(variance)
+
+
+def _student(freedom: float) -> float:
+    from scipy.special import ndtri, stdtrit
+
+    share = 0.5 * (1.0 + CONFIDENCE)
+    return float(ndtri(share) if math.isinf(freedom) else stdtrit(freedom, share))
+
+
+def _phase_ci_deg(gain: float, gain_ci: float) -> float:
+    """Return the half-angle under which the circle of confidence is seen; one that contains 0 leaves no phase."""
+    return math.degrees(math.asin(gain_ci / gain)) if gain_ci < gain else 180.0
+
+
+def _rounding(samples: Floats) -> float:
+    """Return the amplitude below which a phasor is but the last bits of the samples, which are alike in all."""
+    return 1e-12 * float(np.abs(samples).max())
+
+
+def _coherence(r: NDArray[np.complex128], y: NDArray[np.complex128], energy: float, least: float) -> float:
+    answered = float(np.sum(np.abs(y) ** 2))
+    if math.sqrt(answered / len(y)) <= least:
+        return 0.0
+    return min(1.0, abs(complex(np.sum(y * r.conj()))) ** 2 / (energy * answered))

@@ -1,0 +1,137 @@
+"""Identified responses on the disk: kept once each, and found again by what they hold for."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.session.identified import load, newest, store
+from drivers.cutting.plan import Strategy
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_table, from_table
+from profiles.problem import ProfileError
+
+ORIGIN = Origin(
+    machine="lee-2001-lathe",
+    simulated=False,
+    version="1.17",
+    kind="PMAC1, X1",
+    gains={"I130": 528.0, "I131": 4905.0, "I132": 4905.0, "I133": 811.0, "I134": 0.0, "I135": 0.0},
+    servo_period_ms=0.4427083730697632,
+)
+POINT = IdentifiedPoint(
+    frequency_hz=50.0,
+    gain=0.8856,
+    phase_deg=-51.7,
+    gain_ci=0.0002,
+    phase_ci_deg=0.015,
+    coherence=0.99999,
+    amplitude_um=25.0,
+)
+RESPONSE = IdentifiedResponse(
+    origin=ORIGIN,
+    path=Strategy.PVT,
+    how="measured",
+    delay_cycles=0,
+    date="2001-11-30T14:05:00.000Z",
+    points=(POINT,),
+)
+
+
+def on(date: str, origin: Origin = ORIGIN, path: Strategy = Strategy.PVT) -> IdentifiedResponse:
+    return replace(RESPONSE, date=date, origin=origin, path=path)
+
+
+def test_what_was_kept_is_found_again_to_the_last_bit(tmp_path: Path) -> None:
+    file = store(tmp_path, RESPONSE)
+    assert file == tmp_path / "identified" / "lee-2001-lathe" / "pvt-20011130T140500000Z.json"
+    assert load(file) == RESPONSE
+    assert newest(tmp_path, ORIGIN, Strategy.PVT) == RESPONSE
+
+
+@given(
+    gain=st.floats(0.0, 10.0),
+    phase_deg=st.floats(-180.0, 180.0),
+    name=st.text(min_size=1, max_size=30),
+    path=st.sampled_from([Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE]),
+)
+def test_any_response_survives_the_file(gain: float, phase_deg: float, name: str, path: Strategy) -> None:
+    point = replace(POINT, gain=gain, phase_deg=phase_deg)
+    response = replace(RESPONSE, origin=replace(ORIGIN, machine=name), path=path, points=(point, POINT))
+    assert from_table(json.loads(json.dumps(as_table(response)))) == response
+
+
+def test_the_newest_is_taken(tmp_path: Path) -> None:
+    for day in ("29", "30", "28"):
+        store(tmp_path, on(f"2001-11-{day}T14:05:00.000Z"))
+    found = newest(tmp_path, ORIGIN, Strategy.PVT)
+    assert found is not None
+    assert found.date == "2001-11-30T14:05:00.000Z"
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(ORIGIN, version="1.18"),
+        replace(ORIGIN, kind="PMAC2, X1"),
+        replace(ORIGIN, simulated=True),
+        replace(ORIGIN, servo_period_ms=0.2213541865348816),
+        replace(ORIGIN, gains={**ORIGIN.gains, "I135": 29671.0}),
+    ],
+)
+def test_what_was_measured_with_something_else_is_not_taken(tmp_path: Path, other: Origin) -> None:
+    store(tmp_path, on("2001-11-29T14:05:00.000Z"))
+    store(tmp_path, on("2001-11-30T14:05:00.000Z", other))
+    found = newest(tmp_path, ORIGIN, Strategy.PVT)
+    assert found is not None
+    assert found.origin == ORIGIN
+    assert newest(tmp_path, other, Strategy.PVT) != found
+    assert newest(tmp_path, ORIGIN, Strategy.CAM) is None
+    assert newest(tmp_path, replace(ORIGIN, machine="another"), Strategy.PVT) is None
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    store(tmp_path, RESPONSE)
+    with pytest.raises(ProfileError) as refused:
+        store(tmp_path, replace(RESPONSE, points=()))
+    assert refused.value.problems[0].code == "file.exists"
+    assert newest(tmp_path, ORIGIN, Strategy.PVT) == RESPONSE
+
+
+@pytest.mark.parametrize("name", ["../../outside", "..", ".", "a/b", "lathe 2", "선반", "\x00"])
+def test_a_machine_of_any_name_keeps_to_its_folder(tmp_path: Path, name: str) -> None:
+    kept = replace(RESPONSE, origin=replace(ORIGIN, machine=name))
+    file = store(tmp_path / "data", kept)
+    assert file.parent.parent == tmp_path / "data" / "identified"
+    assert newest(tmp_path / "data", kept.origin, Strategy.PVT) == kept
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"[]", b"null", b'{"schema": 2}', b'{"schema": 1}', b"\xff", b"[" * 100_000],
+)
+def test_a_file_that_is_none_of_ours_is_named(tmp_path: Path, content: bytes) -> None:
+    file = store(tmp_path, RESPONSE)
+    file.write_bytes(content)
+    with pytest.raises(ProfileError) as refused:
+        newest(tmp_path, ORIGIN, Strategy.PVT)
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.where) == ("identify.file", str(file))
+
+
+def test_a_point_without_a_number_is_no_point(tmp_path: Path) -> None:
+    table = as_table(RESPONSE)
+    del table["points"][0]["coherence"]
+    with pytest.raises(ProfileError):
+        from_table(table)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "identified").write_text("", encoding="ascii")
+    with pytest.raises(ProfileError) as refused:
+        store(tmp_path, RESPONSE)
+    assert refused.value.problems[0].code == "file.not_writable"

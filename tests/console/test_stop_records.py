@@ -1,0 +1,141 @@
+"""The stop record on the disk, the one that a simulator measures at once, and what is said before an arm."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import date, timedelta
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.session.stop_records import (
+    load,
+    record_path,
+    simulated_record,
+    stop_record_problems,
+    store,
+    withdraw,
+)
+from drivers.pmac.dialect import PMAC
+from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops
+from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
+from profiles.store import load_machine
+from tests.drivers.commissioned import Commissioned, commissioned
+
+TODAY = date(2026, 3, 1)
+MACHINE = load_machine("lee-2001-lathe").machine
+
+
+@pytest.fixture(scope="module")
+def simulated() -> StopRecord:
+    return simulated_record(MACHINE, PMAC, TODAY)
+
+
+def said(card: Commissioned, data: Path | None, *, simulator: bool = False, now: date = TODAY) -> list[str]:
+    found = stop_record_problems(card.client, card.machine, card.dialect, data, simulator, now)
+    return [problem.code for problem in found]
+
+
+def test_a_simulator_measures_its_own_at_once(simulated: StopRecord) -> None:
+    assert {(e.way, e.origin, e.axis) for e in simulated.entries} == needed_stops(MACHINE)
+    assert said(commissioned(MACHINE), None, simulator=True) == []
+
+
+def test_a_simulator_that_somebody_has_changed_is_not_armed() -> None:
+    card = commissioned(MACHINE)
+    card.tell("I115=20")
+    assert said(card, None, simulator=True) == ["stops.other_settings"]
+
+
+def test_a_simulated_machine_that_nothing_would_end_has_no_complete_record() -> None:
+    variables = {**MACHINE.controller.variables, "I5": 0.0}
+    card = commissioned(replace(MACHINE, controller=replace(MACHINE.controller, variables=variables)))
+    assert said(card, None, simulator=True) == ["stops.incomplete"]
+
+
+def test_a_machine_of_iron_needs_a_record_of_its_own(tmp_path: Path, simulated: StopRecord) -> None:
+    card = commissioned(MACHINE)
+    assert said(card, tmp_path) == ["stops.no_record"]
+    assert said(card, None) == ["stops.no_record"]
+    store(tmp_path, MACHINE, simulated)
+    assert said(card, tmp_path) == []
+    assert said(card, tmp_path, now=TODAY + timedelta(days=181)) == ["stops.expired"]
+    card.tell("I235=100")
+    assert said(card, tmp_path) == ["stops.other_settings"]
+    withdraw(tmp_path, MACHINE)
+    assert said(card, tmp_path) == ["stops.no_record"]
+    withdraw(tmp_path, MACHINE)
+
+
+def test_what_is_stored_comes_back(tmp_path: Path, simulated: StopRecord) -> None:
+    assert load(tmp_path, MACHINE) is None
+    path = store(tmp_path, MACHINE, simulated)
+    assert path == tmp_path / "stops" / "lee-2001-lathe.json"
+    assert load(tmp_path, MACHINE) == simulated
+    store(tmp_path, MACHINE, replace(simulated, measured_at=TODAY + timedelta(days=1)))
+    loaded = load(tmp_path, MACHINE)
+    assert loaded is not None
+    assert loaded.measured_at == date(2026, 3, 2)
+
+
+@pytest.mark.parametrize("name", ["../lathe", "a/b", "선반 2", "..", "x" * 40])
+def test_a_name_leads_to_a_file_in_the_folder(tmp_path: Path, name: str) -> None:
+    machine: MachineProfile = replace(MACHINE, name=name)
+    assert record_path(tmp_path, machine).resolve().parent == tmp_path / "stops"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda values: values.clear(),
+        lambda values: values.update(schema=2),
+        lambda values: values.update(measured_at="yesterday"),
+        lambda values: values.update(entries=[{"way": "abort"}]),
+        lambda values: values["entries"][0].update(way="shout"),
+        lambda values: values["entries"][0].update(time_s="long"),
+        lambda values: values.update(more=1),
+    ],
+)
+def test_a_file_that_is_no_record_is_told_and_arms_nothing(
+    tmp_path: Path, simulated: StopRecord, change: object
+) -> None:
+    path = store(tmp_path, MACHINE, simulated)
+    values = json.loads(path.read_text(encoding="utf-8"))
+    assert callable(change)
+    change(values)
+    path.write_text(json.dumps(values), encoding="utf-8")
+    assert said(commissioned(MACHINE), tmp_path) == ["stops.unreadable"]
+
+
+@given(content=st.binary(max_size=60))
+def test_whatever_is_in_the_file_is_a_record_or_a_refusal(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    folder = tmp_path_factory.mktemp("data")
+    path = record_path(folder, MACHINE)
+    path.parent.mkdir(parents=True)
+    path.write_bytes(content)
+    with pytest.raises(ProfileError):
+        load(folder, MACHINE)
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, simulated: StopRecord) -> None:
+    (tmp_path / "stops").write_text("", encoding="ascii")
+    with pytest.raises(ProfileError) as refusal:
+        store(tmp_path, MACHINE, simulated)
+    assert refusal.value.problems[0].code == "file.not_writable"
+
+
+def test_an_entry_has_the_unit_of_its_axis(simulated: StopRecord) -> None:
+    for entry in simulated.entries:
+        assert isinstance(entry, StopEntry)
+        turned = entry.distance_deg is not None and entry.speed_rpm is not None
+        moved = entry.distance_mm is not None and entry.speed_mm_per_s is not None
+        assert (turned, moved) == ((True, False) if entry.axis == "spindle" else (False, True))
+        if entry.axis == "spindle":
+            assert entry.speed_rpm == pytest.approx(1000.0 if entry.origin is Origin.CUT else 100.0, rel=1e-4)
+    assert {e.way for e in simulated.entries} == set(Way)

@@ -1,0 +1,131 @@
+"""What is compared before each cut: what a stranger changes is named, what the console does is no change."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.cut import plan_cut
+from drivers.cutting.plan import Strategy
+from drivers.heartbeat import Heartbeat
+from drivers.pmac.configuration.fingerprint import Fingerprint, Part, fingerprint_problems, ours, read_fingerprint
+from drivers.pmac.program_load import load_program
+from profiles.machine import MachineProfile
+from profiles.store import load_job
+from tests.drivers.commissioned import Commissioned, commissioned
+from tests.drivers.families import machine as machine  # both families
+
+
+def taken(card: Commissioned, since: Fingerprint | None = None) -> Fingerprint:
+    return read_fingerprint(card.client, card.machine, card.dialect, since)
+
+
+def told(card: Commissioned, before: Fingerprint) -> list[tuple[str, str, str, str]]:
+    """What is said of a card, once by a whole reading and once by the quick one: the same."""
+    own = ours(card.machine, card.dialect)
+    whole = fingerprint_problems(before, taken(card), own)
+    assert fingerprint_problems(before, taken(card, before), own) == whole
+    return [(p.code.removeprefix("fingerprint."), p.key, p.value, p.limit) for p in whole]
+
+
+def prepared(machine: MachineProfile) -> tuple[Commissioned, Fingerprint]:
+    card = commissioned(machine)
+    return card, taken(card)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("I116=400", ("changed", "I116", "400 counts/ms (80 mm/s)", "500 counts/ms (100 mm/s)")),
+        ("I51=1", ("changed", "I51", "1", "0")),
+        ("#3->100Z", ("changed", "#3->", "&1 100Z", "&1 Z")),
+        ("#2->0", ("gone", "#2->", "", "&1 Y")),
+        ("#4->A", ("appeared", "#4->", "&1 A", "")),
+        ("I400=1", ("changed", "I400", "1", "0")),
+        ("M26->Y:$FFC2,3", ("appeared", "M26->", "Y:$FFC2,3", "")),
+    ],
+)
+def test_what_a_stranger_writes_is_named_with_both_values(
+    machine: MachineProfile, line: str, said: tuple[str, str, str, str]
+) -> None:
+    card, before = prepared(machine)
+    card.tell(line)
+    assert told(card, before) == [said]
+
+
+def test_a_stranger_who_sends_programs_and_plcs_is_found(machine: MachineProfile) -> None:
+    card, before = prepared(machine)
+    card.tell("OPEN PLC3 CLEAR", "P1=1", "CLOSE", "OPEN PROG7 CLEAR", "X1", "CLOSE")
+    assert [(code, key) for code, key, _, _ in told(card, before)] == [
+        ("appeared", "PLC 3"),
+        ("appeared", "PROG 7"),
+    ]
+    again = taken(card)
+    card.tell("OPEN PLC3 CLEAR", "P1=2", "CLOSE")
+    assert [(code, key) for code, key, _, _ in told(card, again)] == [("changed", "PLC 3")]
+    card.tell("DELETE PLC3")
+    assert [(code, key) for code, key, _, _ in told(card, again)] == [("gone", "PLC 3")]
+
+
+def test_a_strangers_table_is_found_by_its_entries(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("#3DEFINE COMP 2,#2,#3,10000", "16 0")
+    before = taken(card)
+    card.tell("#3DELETE COMP", "#3DEFINE COMP 2,#2,#3,10000", "32 0")
+    assert [(code, key) for code, key, _, _ in told(card, before)] == [("changed", "#3 COMP")]
+
+
+def test_a_conversion_that_is_turned_to_another_encoder_is_found(machine: MachineProfile) -> None:
+    card, before = prepared(machine)
+    table = card.dialect.conversion_table
+    if table.first_setting is None:
+        card.tell(f"WY:${table.first_address:X},$C004")
+        name = f"Y:${table.first_address:X}"
+    else:
+        name = f"I{table.first_setting}"
+        card.tell(f"{name}={table.channels[1]}")
+    assert [(code, key) for code, key, _, _ in told(card, before)] == [("changed", name)]
+
+
+def test_another_card_is_found(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch) -> None:
+    card, before = prepared(machine)
+    card.update_firmware(monkeypatch)
+    assert told(card, before) == [("changed", "VERSION", "9.99", before.configuration.version)]
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+def test_what_the_console_does_for_a_cut_is_no_change(machine: MachineProfile, strategy: Strategy) -> None:
+    card, before = prepared(machine)
+    plan = plan_cut(load_job("lee-2001-experiment-1").job, machine, strategy)
+    Heartbeat(card.client, card.sim, machine).prepare()
+    load_program(card.client, plan.program)
+    card.tell(*plan.restore, "P1000=77", "P11=3", "M26=1", f"I{card.dialect.system_index(1, 87)}=10")
+    assert told(card, before) == []
+
+
+def test_proving_stops_is_no_change(machine: MachineProfile) -> None:
+    from drivers.pmac.configuration.proofs.proving import prove
+
+    card, before = prepared(machine)
+    prove(card.client, card.stop, card.sim, card.verify())
+    assert told(card, before) == []
+
+
+def test_nothing_is_written_and_the_second_reading_is_short(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    before = taken(card)
+    whole = len(card.line.heard)
+    card.line.heard = b""
+    taken(card, before)
+    assert not any("=" in line and not line.startswith("P1001=") for line in card.lines)
+    # At 38400 baud a character takes 0.26 ms; the host's half of the line stays below half a second.
+    assert len(card.line.heard) < min(whole / 2, 1900)
+
+
+def test_each_part_has_a_hash_of_its_own(machine: MachineProfile) -> None:
+    card, before = prepared(machine)
+    assert before.hashes.keys() == set(Part)
+    for line, part in (("I116=400", Part.SETTINGS), ("I51=1", Part.COMPENSATION), ("#3->2Z", Part.AXES)):
+        earlier = taken(card)
+        card.tell(line)
+        now = taken(card)
+        assert {each for each in Part if earlier.hashes[each] != now.hashes[each]} == {part}

@@ -1,0 +1,220 @@
+"""What identification refuses: each with a reason, and nothing moves for it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from drivers.cutting.plan import Strategy
+from drivers.errors import RefusedError
+from drivers.identification.cam_path import return_hz, wave_counts
+from drivers.identification.identify import identify, refuse_before, take_up
+from drivers.identification.request import IdentificationRequest, clearance_mm, request_problems
+from drivers.identification.words import axis_word
+from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
+from tests.drivers.families import machine as machine  # both families
+from tests.drivers.identification_bench import Stand, ready, stand
+
+MOVES = re.compile(r"#\d+(J|HM|O|K|\$)|R\b|\bA\b|\bS\b|OPEN|DEFINE|GATHER|I51=1")
+
+PVT = IdentificationRequest(path=Strategy.PVT, frequencies_hz=(50.0,))
+CAM = replace(PVT, path=Strategy.CAM)
+
+
+def codes(request: IdentificationRequest, machine: MachineProfile) -> list[str]:
+    return [problem.code for problem in request_problems(request, machine)]
+
+
+def with_variable(machine: MachineProfile, name: str, value: float) -> MachineProfile:
+    variables = {**machine.controller.variables, name: value}
+    return replace(machine, controller=replace(machine.controller, variables=variables))
+
+
+def test_what_is_asked_for_by_default_is_allowed_on_the_bundled_lathe(machine: MachineProfile) -> None:
+    for path in (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE):
+        assert request_problems(IdentificationRequest(path=path), machine) == ()
+
+
+@pytest.mark.parametrize(
+    ("request_", "code"),
+    [
+        (replace(PVT, amplitude_um=50.1), "identify.amplitude"),
+        (replace(PVT, amplitude_um=4.9), "identify.amplitude"),  # 25 counts are 5 um
+        (replace(PVT, amplitude_um=float("nan")), "identify.amplitude"),
+        (replace(PVT, frequencies_hz=(0.0,)), "identify.frequency"),
+        (replace(PVT, frequencies_hz=(-10.0,)), "identify.frequency"),
+        (replace(PVT, frequencies_hz=(226.0,)), "identify.frequency"),  # ten servo cycles are 4.427 ms
+        (replace(PVT, frequencies_hz=()), "identify.frequencies"),
+        (replace(PVT, frequencies_hz=(50.0,) * 41), "identify.frequencies"),
+        (replace(PVT, periods=3), "identify.periods"),
+        (replace(PVT, periods=201), "identify.periods"),
+        (replace(PVT, periods=101, frequencies_hz=(10.0, 50.0)), "identify.too_long"),
+        (replace(PVT, path=Strategy.PAPER), "identify.path"),
+        (replace(PVT, path=Strategy.NONE), "identify.path"),
+    ],
+)
+def test_a_request_out_of_its_range_is_refused(
+    machine: MachineProfile, request_: IdentificationRequest, code: str
+) -> None:
+    assert codes(request_, machine) == [code]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "frequency_hz", "key"),
+    [
+        # 50 um at 100 Hz: 31.4 mm/s are 157 counts/ms, 19.7 m/s2 are 98.7 counts/ms2; |1 - T| is 1.2
+        ("I116", 157.0, 100.0, "I116"),
+        ("I117", 98.0, 100.0, "I117"),
+        ("I111", 4000.0, 100.0, "I111"),
+    ],
+)
+def test_a_sine_beyond_what_the_axis_is_set_to_is_refused(
+    machine: MachineProfile, name: str, value: float, frequency_hz: float, key: str
+) -> None:
+    asked = replace(PVT, amplitude_um=50.0, frequencies_hz=(frequency_hz,))
+    assert request_problems(asked, machine) == ()
+    (problem,) = request_problems(asked, with_variable(machine, name, value))
+    assert (problem.code, problem.key) == ("identify.beyond_drive", key)
+
+
+def test_a_sine_beyond_the_thrust_is_refused(machine: MachineProfile) -> None:
+    """50 um at 200 Hz are 79.0 m/s2: 374.2 N for 4.74 kg, and more for the damping."""
+    asked = replace(PVT, amplitude_um=50.0, frequencies_hz=(200.0,))
+    weak = replace(machine, tool=replace(machine.tool, continuous_force_n=374.0))
+    (problem,) = request_problems(asked, weak)
+    assert (problem.code, problem.key) == ("identify.beyond_drive", "tool.continuous_force_n")
+    assert request_problems(asked, machine) == ()
+
+
+def test_of_frequencies_that_are_too_high_the_first_is_named(machine: MachineProfile) -> None:
+    asked = replace(PVT, amplitude_um=50.0, frequencies_hz=(50.0, 210.0, 220.0))
+    found = {(problem.key, problem.where) for problem in request_problems(asked, machine)}
+    assert found == {("I117", "210 Hz"), ("tool.continuous_force_n", "210 Hz")}
+
+
+def test_the_tool_must_be_clear_of_the_jaws_by_five_millimetres(machine: MachineProfile) -> None:
+    """Home at 76 mm, the outside of the jaws at 70 mm."""
+    assert clearance_mm(machine, 50.0) == pytest.approx(5.95)
+    nearer = replace(machine, tool=replace(machine.tool, home_radius_mm=75.0))
+    assert codes(PVT, nearer) == ["identify.not_clear"]
+
+
+def test_the_way_back_along_the_table_is_no_higher_frequency(machine: MachineProfile) -> None:
+    for highest in (10.0, 50.0, 100.0, 200.0):
+        assert return_hz(machine, highest) <= max(highest, 100.0)
+        assert wave_counts(machine, highest) * highest <= 25_000.0 + 1e-9  # half of 50 counts/ms
+    slow = with_variable(machine, "I317", 5.0)
+    slow = replace(slow, carriage=replace(slow.carriage, travel_max_mm=20.0))
+    assert codes(CAM, slow) == ["identify.carriage_way"]
+
+
+@pytest.mark.parametrize("definitions", [("#2->Y", "#3->Z"), ("#1->X+Y", "#2->Y", "#3->Z")])
+def test_a_tool_without_an_axis_of_its_own_is_refused(
+    machine: MachineProfile, definitions: tuple[str, ...]
+) -> None:
+    other = replace(machine, controller=replace(machine.controller, axis_definitions=definitions))
+    with pytest.raises(ProfileError) as refused:
+        axis_word(other, machine.tool.motor)
+    assert [problem.code for problem in refused.value.problems] == ["identify.axis"]
+
+
+def test_an_axis_in_millimetres_is_spoken_to_in_millimetres(machine: MachineProfile) -> None:
+    other = replace(machine, controller=replace(machine.controller, axis_definitions=("#1->-5000X+100",)))
+    word = axis_word(other, machine.tool.motor)
+    assert (word.letter, word.position(5100.0), word.length(125.0)) == ("X", -1.0, -0.025)
+
+
+def jog(made: Stand, motor: int) -> None:
+    made.tell(f"#{motor}J+")
+    made.sim.wait(0.3)
+
+
+ALREADY: dict[str, tuple[Callable[[Stand], None], str]] = {
+    "drives off": (lambda made: made.rig.lathe.switch_off(), "machine.not_enabled"),
+    "one drive off": (lambda made: made.tell("#3K"), "machine.not_enabled"),
+    "spindle turning": (lambda made: jog(made, 2), "identify.spindle_turns"),
+    "carriage moving": (lambda made: jog(made, 3), "machine.moving"),
+    "somebody's program": (lambda made: made.tell("OPEN PROG998", "CLEAR", "X0", "CLOSE"), "identify.in_use"),
+    "somebody's table": (lambda made: made.tell("#1DEFINE COMP 2,#2,#1,10000", "16 0"), "identify.in_use"),
+    "tables on": (lambda made: made.tell("I51=1"), "cut.table_on"),
+    "other gains": (lambda made: made.tell("I130=600"), "controller.setting"),
+}
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+@pytest.mark.parametrize("what", ALREADY)
+def test_a_machine_that_is_not_ready_is_not_moved(machine: MachineProfile, what: str, path: Strategy) -> None:
+    made = ready(machine)
+    make, code = ALREADY[what]
+    make(made)
+    made.line.heard = b""
+    with pytest.raises(RefusedError) as refused:
+        identify(made.rig, replace(PVT, path=path), made.origin, "D")
+    assert code in [problem.code for problem in refused.value.problems]
+    assert not any(MOVES.search(line) for line in made.lines if not line.startswith("LIST"))
+
+
+def test_a_gathering_of_somebody_else_goes_on(machine: MachineProfile) -> None:
+    made = ready(machine)
+    motor = made.rig.dialect.gathering
+    made.tell(f"I{motor.masks[0]}=1", f"I{motor.period}=1000", "DEFINE GATHER 1000", "GATHER")
+    with pytest.raises(RefusedError) as refused:
+        identify(made.rig, PVT, made.origin, "D")
+    assert [problem.code for problem in refused.value.problems] == ["identify.in_use"]
+    assert made.sim.controller.gather.running
+
+
+def test_a_link_over_which_a_lost_encoder_is_seen_too_late_is_refused(machine: MachineProfile) -> None:
+    """Replies of 80 ms: six of them and two pauses, and 22.8 mm/s is what 50 um push against 201.6 N s/m."""
+    made = ready(machine)
+    made.sim.faults.inject("late-reply", delay_ms=80)
+    made.line.heard = b""
+    with pytest.raises(RefusedError) as refused:
+        identify(made.rig, replace(PVT, amplitude_um=50.0), made.origin, "D")
+    (problem,) = refused.value.problems
+    assert problem.code == "identify.link_slow"
+    assert 0.9 * 22.8 * 0.5 < float(problem.value.split()[0]) < 1.2 * 22.8 * 0.6
+    assert not any(MOVES.search(line) for line in made.lines if not line.startswith("LIST"))
+
+
+def test_nothing_moves_without_a_zero(machine: MachineProfile) -> None:
+    made = stand(machine)
+    made.rig.lathe.verify()
+    made.rig.lathe.enable()
+    made.line.heard = b""
+    with pytest.raises(RefusedError) as refused:
+        identify(made.rig, PVT, made.origin, "D")
+    assert [problem.code for problem in refused.value.problems] == ["machine.not_homed"]
+    assert not any(MOVES.search(line) for line in made.lines if "LIST" not in line)
+
+
+def test_nothing_moves_without_a_lease(machine: MachineProfile) -> None:
+    made = stand(machine, leased=False)
+    with pytest.raises(RefusedError) as refused:
+        refuse_before(made.rig, PVT)
+    assert [problem.code for problem in refused.value.problems] == ["identify.no_lease"]
+    assert not made.drives_on
+
+
+def test_a_heartbeat_that_is_not_alive_keeps_the_drives_off(machine: MachineProfile) -> None:
+    """I5 = 0: no PLC runs, so nothing would end the motion."""
+    made = stand(machine)
+    made.tell("I5=0")
+    with pytest.raises(RefusedError) as refused:
+        take_up(made.rig)
+    assert any(problem.code.startswith("heartbeat.") for problem in refused.value.problems)
+    assert not made.drives_on
+
+
+def test_drives_that_somebody_has_switched_on_are_left_alone(machine: MachineProfile) -> None:
+    made = stand(machine)
+    made.tell("#3J/")
+    made.line.heard = b""
+    with pytest.raises(RefusedError) as refused:
+        take_up(made.rig)
+    assert [problem.code for problem in refused.value.problems] == ["identify.drives_on"]
+    assert not any(MOVES.search(line) for line in made.lines)

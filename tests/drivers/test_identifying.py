@@ -1,0 +1,272 @@
+"""Identification on the simulated lathe: what is found is what there is, and the card is as before."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import replace
+
+import pytest
+
+from drivers.cutting.plan import Strategy
+from drivers.identification.identify import identify
+from drivers.identification.request import CLEAR_MM, IdentificationRequest
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse
+from drivers.identification.standstill import pushed_mm
+from drivers.pmac.configuration.reading import read_configuration, whole_card
+from drivers.simulator.plant.true_parameters import ideal, plant_named
+from drivers.stop import StoppedError
+from profiles.machine import MachineProfile
+from profiles.problem import ProblemError
+from profiles.servo import sampled_response
+from profiles.servo_gains import gains_from_variables
+from profiles.store import load_machine
+from tests.drivers.families import machine as machine  # both families
+from tests.drivers.identification_bench import Stand, ready
+
+TABLE_5_HZ = (10.0, 30.0, 50.0, 70.0)
+SAMPLED = {10.0: (1.0215, -0.168), 30.0: (0.9811, -0.556), 50.0: (0.8850, -0.903), 70.0: (0.7777, -1.207)}
+"""Gain and phase (rad) of the sampled loop at the frequencies of Table 5, calculated apart from this code."""
+
+GAINS = gains_from_variables(load_machine("lee-2001-lathe").machine)
+"""As the card has them, in V/m: whatever the iron is."""
+
+CYCLE_S = 3_713_707 / 8_388_608_000
+DATE = "2001-11-30T14:05:00.000Z"
+
+
+def found(of: Stand, path: Strategy, *frequencies_hz: float, **more: float) -> IdentifiedResponse:
+    request = IdentificationRequest(path=path, frequencies_hz=frequencies_hz)
+    return identify(of.rig, replace(request, **more), of.origin, DATE)  # type: ignore[arg-type]
+
+
+def off_percent(point: IdentifiedPoint, response: complex) -> float:
+    return abs(100.0 * (point.gain / abs(response) - 1.0))
+
+
+def off_deg(point: IdentifiedPoint, response: complex) -> float:
+    turned = cmath.rect(1.0, math.radians(point.phase_deg)) / response
+    return abs(math.degrees(cmath.phase(turned)))
+
+
+def late(response: complex, frequency_hz: float, cycles: int) -> complex:
+    return response * cmath.exp(-2j * math.pi * frequency_hz * CYCLE_S * cycles)
+
+
+@pytest.mark.parametrize(
+    ("path", "cycles", "how"),
+    [(Strategy.PVT, 0, "measured"), (Strategy.CAM, 1, "measured"), (Strategy.TIMEBASE, 1, "composed")],
+)
+def test_the_nominal_loop_is_found_on_each_path_with_the_age_of_its_source(
+    machine: MachineProfile, path: Strategy, cycles: int, how: str
+) -> None:
+    identified = found(ready(machine), path, *TABLE_5_HZ)
+    assert (identified.path, identified.how, identified.date) == (path, how, DATE)
+    assert [point.frequency_hz for point in identified.points] == list(TABLE_5_HZ)
+    for point in identified.points:
+        wanted = late(cmath.rect(*SAMPLED[point.frequency_hz]), point.frequency_hz, cycles)
+        assert off_percent(point, wanted) < 0.2
+        assert off_deg(point, wanted) < 0.2
+        assert point.coherence > 0.9999
+        assert point.amplitude_um == pytest.approx(25.0, rel=0.004)
+
+
+def test_the_confidence_holds_the_nominal_loop(machine: MachineProfile) -> None:
+    """95 % each: of sixteen half-widths three may be too small, by what the steps of the encoder make at most.
+
+    The loop answers to these steps, too: up to a tenth of a count of 0.2 um, which no confidence can know of.
+    """
+    frequencies = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
+    points = found(ready(machine), Strategy.PVT, *frequencies).points
+    shares = []
+    for point in points:
+        wanted = complex(sampled_response(machine, point.frequency_hz))
+        off = (abs(point.gain - abs(wanted)), math.radians(off_deg(point, wanted)) * point.gain)
+        shares += [each / point.gain_ci for each in off]
+        assert max(off) < point.gain_ci + 0.1 * machine.tool.count_um / point.amplitude_um
+    assert sorted(shares)[-4] < 1.0
+
+
+def test_a_lathe_that_is_not_its_profile_is_found_as_it_is(machine: MachineProfile) -> None:
+    """7 % more mass, 6 % less thrust: the same loop with these numbers, and not with those of the profile."""
+    other = replace(ideal(machine), moving_mass_kg=1.07 * 4.74, force_n_per_v=0.94 * 624.025)
+    tool = replace(machine.tool, moving_mass_kg=1.07 * 4.74, amplifier_gain_a_per_v=0.94 * 11.45)
+    for point in found(ready(machine, other), Strategy.PVT, 20.0, 50.0, 80.0).points:
+        true = complex(sampled_response(replace(machine, tool=tool), point.frequency_hz, GAINS))
+        assert off_percent(point, true) < 0.2
+        assert off_deg(point, true) < 0.2
+        nominal = complex(sampled_response(machine, point.frequency_hz))
+        assert abs(cmath.rect(point.gain, math.radians(point.phase_deg)) / nominal - 1.0) > 0.03
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_a_realistic_lathe_is_found_with_its_friction(machine: MachineProfile, path: Strategy) -> None:
+    """Dry friction F takes from a sine of peak speed V what a damping of 4 F / (pi V) does."""
+    true = plant_named("realistic", machine, seed=5)
+    for point in found(ready(machine, true), path, 30.0, 50.0, 70.0).points:
+        speed_m_s = 2e-6 * math.pi * point.frequency_hz * point.amplitude_um * point.gain
+        damping = true.viscous_n_s_per_m + 4.0 * true.coulomb_friction_n / (math.pi * speed_m_s)
+        thrust = math.cos(math.radians(true.commutation_error_deg))
+        tool = replace(
+            machine.tool,
+            moving_mass_kg=true.moving_mass_kg,
+            damping_n_s_per_m=damping,
+            amplifier_gain_a_per_v=thrust * machine.tool.amplifier_gain_a_per_v,
+        )
+        cycles = int(path is Strategy.CAM)
+        frequency_hz = point.frequency_hz
+        true_response = complex(sampled_response(replace(machine, tool=tool), frequency_hz, GAINS))
+        wanted = late(true_response, frequency_hz, cycles)
+        nominal = late(complex(sampled_response(machine, frequency_hz)), frequency_hz, cycles)
+        assert off_percent(point, wanted) < 0.5
+        assert off_deg(point, wanted) < 0.5
+        assert off_percent(point, nominal) > 1.5
+        assert off_deg(point, nominal) > 1.0
+
+
+def test_what_it_holds_for_is_read_from_the_card(machine: MachineProfile) -> None:
+    of = ready(machine)
+    origin = found(of, Strategy.PVT, 50.0, periods=4).origin
+    assert origin.gains == {"I130": 528, "I131": 4905, "I132": 4905, "I133": 811, "I134": 0, "I135": 0}
+    assert (origin.machine, origin.version, origin.kind) == (machine.name, of.version, of.kind)
+    assert origin.servo_period_ms == pytest.approx(0.44271, abs=1e-5)
+
+
+def test_other_gains_are_another_origin_and_another_response(machine: MachineProfile) -> None:
+    """88 % of the acceleration feedforward that the mass needs, in the loop as it is calculated for the plan."""
+    fed = {**machine.controller.variables, "I135": 29671}
+    other = replace(machine, controller=replace(machine.controller, variables=fed))
+    identified = found(ready(other), Strategy.PVT, 50.0)
+    assert identified.origin.gains["I135"] == 29671
+    (point,) = identified.points
+    wanted = complex(sampled_response(other, 50.0))
+    assert abs(wanted) > 1.07
+    assert off_percent(point, wanted) < 0.2
+    assert off_deg(point, wanted) < 0.2
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_the_card_is_as_before_and_the_machine_at_rest(machine: MachineProfile, path: Strategy) -> None:
+    of = ready(machine)
+    of.rig.lathe.tables_left()  # points a variable of the console at the correction
+    before = read_configuration(of.rig.client, of.rig.dialect, whole_card(of.rig.dialect))
+    found(of, path, 40.0, periods=6)
+    assert read_configuration(of.rig.client, of.rig.dialect, whole_card(of.rig.dialect)) == before
+    snapshot = of.rig.lathe.snapshot()
+    assert (snapshot.at_rest, snapshot.loops_closed) == (True, True)
+    assert abs(snapshot.tool.position) < 5.0
+    assert all(motor.correction == 0.0 for motor in of.sim.controller.motors.values())
+    assert not of.sim.controller.tables.tables
+
+
+def test_the_spindle_stands_and_the_tool_stays_out(machine: MachineProfile) -> None:
+    """The tool never goes further in than its amplitude and what the servo adds to it, 2.2 % at most."""
+    of = ready(machine)
+    spindle = of.rig.lathe.snapshot().spindle.position
+    furthest: list[float] = []
+
+    def told(_: IdentifiedPoint) -> None:
+        furthest.append(of.rig.lathe.snapshot().spindle.position)
+
+    motor = of.sim.controller.motors[machine.tool.motor]
+    places: list[float] = []
+    follow = motor.axis.follow
+    motor.axis.follow = lambda commands: _kept(follow(commands), places)  # type: ignore[method-assign]
+    request = IdentificationRequest(path=Strategy.CAM, frequencies_hz=(10.0, 50.0), amplitude_um=50.0)
+    identify(of.rig, request, of.origin, DATE, told)
+    assert furthest == [spindle, spindle]
+    assert 45.0 < max(places) * machine.tool.count_um < 50.0 * 1.03
+    assert min(places) * machine.tool.count_um > -50.0 * 1.03
+
+
+def _kept(positions: list[float], places: list[float]) -> list[float]:
+    places += positions
+    return positions
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_a_stop_ends_it_with_the_drives_off_and_nothing_left(machine: MachineProfile, path: Strategy) -> None:
+    of = ready(machine)
+    end = of.sim.now_s() + 1.5
+    wait = of.clock.wait
+
+    def stopping(seconds: float) -> None:
+        wait(seconds)
+        if of.sim.now_s() > end and of.stop.reason is None:
+            of.stop.stop("SIGINT")
+
+    of.clock.wait = stopping  # type: ignore[method-assign]
+    with pytest.raises(StoppedError):
+        found(of, path, 20.0, periods=100)
+    _left_safe(of)
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_a_host_that_is_held_up_finds_the_motion_ended(machine: MachineProfile, path: Strategy) -> None:
+    of = ready(machine)
+    of.clock.at_s, of.clock.for_s = of.sim.now_s() + 2.0, 3.0
+    with pytest.raises(ProblemError) as ended:
+        found(of, path, 20.0, periods=200)
+    assert ended.value.problems[0].code == "heartbeat.lapsed"
+    _left_safe(of)
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_without_its_host_the_tool_is_at_rest_within_a_second(machine: MachineProfile, path: Strategy) -> None:
+    """The program looks at the lease of 0.3 s in each of its segments, and needs 0.4 s to fade."""
+    of = ready(machine)
+    motor = of.sim.controller.motors[machine.tool.motor]
+    of.clock.at_s, of.clock.for_s = of.sim.now_s() + 2.0, 1.0
+    speeds: list[float] = []
+    wait = of.sim.wait
+
+    def watched(seconds: float) -> None:
+        wait(seconds)
+        if seconds > 1.0:
+            speeds.append(motor.velocity)
+            of.stop.stop("seen")
+
+    of.sim.wait = watched  # type: ignore[method-assign]
+    with pytest.raises(ProblemError):
+        found(of, path, 20.0, periods=200)
+    assert speeds == [0.0]
+
+
+def _left_safe(of: Stand) -> None:
+    assert not of.drives_on
+    assert all(motor.correction == 0.0 for motor in of.sim.controller.motors.values())
+    assert not of.sim.controller.tables.tables
+    assert of.sim.controller.variables.i(51) == 0.0
+    assert not of.sim.controller.gather.defined
+    assert not of.sim.controller.programs[998].lines
+
+
+@pytest.mark.parametrize("fault", ["jammed", "encoder_lost"])
+@pytest.mark.parametrize("frequency_hz", [2.0, 17.1, 51.3, 150.0])
+def test_a_tool_that_does_not_answer_ends_it_before_it_is_pushed_away(
+    machine: MachineProfile, fault: str, frequency_hz: float
+) -> None:
+    """A swing is within the limit of the following error, so nothing trips; and there are 5 mm to the jaws."""
+    of = ready(machine)
+    motor = of.sim.controller.motors[machine.tool.motor]
+    wait, fails_s = of.sim.wait, of.sim.now_s() + 1.2
+
+    def failing(seconds: float) -> None:
+        wait(seconds)
+        setattr(motor.axis, fault, of.sim.now_s() > fails_s)
+
+    of.sim.wait = failing  # type: ignore[method-assign]
+    with pytest.raises(ProblemError) as ended:
+        found(of, Strategy.PVT, frequency_hz, periods=20, amplitude_um=40.0)
+    assert ended.value.problems[0].code == "identify.no_motion"
+    _left_safe(of)
+    # The origin of the axis is where the zero of the motor is.
+    way_mm = abs(motor.iron - motor.axis.origin) / machine.tool.counts_per_mm
+    assert way_mm < pushed_mm(machine, 40.0, of.rig.lathe.round_trip_s) < CLEAR_MM
+
+
+@pytest.mark.parametrize("frequency_hz", [34.2, 51.3, 102.6, 205.3])
+def test_looks_that_come_once_in_half_a_period_see_it_swing(machine: MachineProfile, frequency_hz: float) -> None:
+    """Looks are whole background cycles of 4.87 ms apart here."""
+    (point,) = found(ready(machine), Strategy.PVT, frequency_hz, periods=100, amplitude_um=5.0).points
+    assert point.coherence > 0.99

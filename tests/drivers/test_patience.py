@@ -1,0 +1,45 @@
+"""The simulator of a screen waits for a host that gets no processor, but not for one that is gone."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.pmac.heartbeat.lease import LEASE_MS, MARGIN_MS, PERIOD_MS
+from drivers.simulator.patience import HEARD_S, PATIENCE_S, PatientTime
+
+TICK_S = 0.005
+
+
+class Elapsed:
+    """A lathe that adds up what it is advanced by."""
+
+    def __init__(self) -> None:
+        self.simulated_s = 0.0
+
+    def wait(self, seconds: float) -> None:
+        self.simulated_s += seconds
+
+
+def silence(real_s: float) -> float:
+    """Return the simulated time of a host's silence."""
+    lathe, now_s = Elapsed(), [0.0]
+    patient = PatientTime(lathe, lambda: 0.0, lambda: now_s[0])
+    while now_s[0] < real_s:
+        now_s[0] += TICK_S
+        patient.wait(TICK_S)
+    return lathe.simulated_s
+
+
+@pytest.mark.parametrize("real_s", [0.2, 0.3, 1.0, 1.9])
+def test_a_lease_outlives_a_host_that_is_held_up(real_s: float) -> None:
+    assert silence(real_s) < (LEASE_MS - MARGIN_MS - PERIOD_MS) / 1000.0
+
+
+def test_a_host_that_is_gone_is_not_waited_for() -> None:
+    assert silence(PATIENCE_S + 1.0) == pytest.approx(HEARD_S + 1.0, abs=3 * TICK_S)
+
+
+def test_before_the_first_word_time_runs() -> None:
+    lathe = Elapsed()
+    PatientTime(lathe, lambda: None, lambda: 1000.0).wait(TICK_S)
+    assert lathe.simulated_s == TICK_S

@@ -1,0 +1,65 @@
+"""What doctor says of the safety devices: how they are fitted, who signed, and what the card sees of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from drivers.pmac.configuration.check import Check, Group, Outcome
+from profiles.machine import SAFETY_DEVICES, MachineProfile, Safety
+from tests.drivers.commissioned import commissioned
+from tests.drivers.families import machine as machine  # both families
+
+WIRED = Safety(
+    emergency_stop="wired",
+    safe_torque_off="wired",
+    guard="wired",
+    enabling_device="wired",
+    chuck_closed="wired",
+    key_removed="wired",
+    spindle_permit="wired",
+)
+
+
+def devices(machine: MachineProfile, safety: Safety, *lines: str) -> list[Check]:
+    card = commissioned(replace(machine, safety=safety))
+    card.tell(*lines)
+    return [check for check in card.verify().checks if check.group is Group.SAFETY]
+
+
+def test_a_profile_that_says_nothing_fails_for_each_device(machine: MachineProfile) -> None:
+    found = devices(machine, Safety())
+    assert [(check.subject, check.outcome) for check in found] == [
+        (device, Outcome.FAILS) for device in SAFETY_DEVICES
+    ]
+
+
+def test_what_is_wired_holds_and_what_is_signed_for_is_told_with_the_name(machine: MachineProfile) -> None:
+    safety = replace(WIRED, guard="not fitted", signed_by="Kim, 2026-03-01")
+    found = {check.subject: check for check in devices(machine, safety)}
+    assert (found["guard"].outcome, found["guard"].found) == (Outcome.NOTED, "Kim, 2026-03-01")
+    assert {check.outcome for name, check in found.items() if name != "guard"} == {Outcome.HOLDS}
+
+
+def test_what_is_not_fitted_needs_a_name(machine: MachineProfile) -> None:
+    (check,) = [c for c in devices(machine, replace(WIRED, guard="not fitted")) if c.subject == "guard"]
+    assert (check.code, check.outcome) == ("device_unsigned", Outcome.FAILS)
+
+
+@pytest.mark.parametrize(
+    ("word", "good", "outcome"),
+    [(8, 1, Outcome.HOLDS), (7, 1, Outcome.FAILS), (8, 0, Outcome.FAILS), (7, 0, Outcome.HOLDS)],
+)
+def test_an_input_that_the_card_sees_is_read(
+    machine: MachineProfile, word: int, good: int, outcome: Outcome
+) -> None:
+    safety = replace(WIRED, inputs=(f"guard->Y:$7F0,3={good}",))
+    check = devices(machine, safety, f"WY:$7F0,{word}")[-1]
+    assert (check.code, check.subject, check.outcome) == ("input", "guard", outcome)
+    assert (check.found, check.wanted) == (str(word >> 3 & 1), str(good))
+
+
+def test_an_input_that_cannot_be_read_fails(machine: MachineProfile) -> None:
+    check = devices(machine, replace(WIRED, inputs=("guard=open",)))[-1]
+    assert (check.code, check.outcome, check.found) == ("input_unreadable", Outcome.FAILS, "guard=open")

@@ -1,0 +1,141 @@
+"""What is right in each cell: thought out from the rules for stops, leases and doubt, not taken from what happens.
+
+A cell reads `end, sent: alarms`. `end` is what the station says when all has settled, `sent` the strongest thing
+that left the console since the fault came, a stop before a line before a renewal before nothing but looks. A stop
+in parentheses may be sent. `a/b` is one of two codes, ` or ` another way that is as right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tests.matrix.situations import Situation
+
+SAME = "-"
+"""As without a fault."""
+
+NO_ANSWER = "link.silent/link.out_of_step/link.not_in_step"
+UNKNOWN = "link.outcome_unknown"
+
+ABORTED = "stopped, ^A"
+ABORTED_IN_DOUBT = "stopped, ^A (^K)"
+"""After a stop, an answer that does not come puts the drives in doubt, and the repetition is control-K."""
+
+LAPSED = "stopped, ^A: heartbeat.lapsed"
+"""The card has ended the motion without its host; the host has looked on, and stops what rests."""
+
+FAULT_A, FAULT_K = "stopped, ^A: machine.fault", "stopped, ^K: machine.fault"
+"""Every loop closed, as after a limit; or one of them open, as after a trip: then control-A would close it."""
+
+TIMEOUT = "stopped, ^A: machine.timeout"
+SILENT = f"stopped, ^K: {NO_ANSWER}"
+SILENT_LINE = f"stopped, ^K: {NO_ANSWER} {UNKNOWN}"
+SILENT_CUT = f"{SILENT} or {LAPSED}"
+LOST = f"lost, ^K: {NO_ANSWER} machine.not_at_rest"
+LOST_LINE = f"lost, ^K: {NO_ANSWER} {UNKNOWN} controller.buffer_may_be_open machine.not_at_rest"
+LOST_STOPPING = "lost, ^A ^K: machine.not_at_rest"
+GONE = "lost, ^K: link.lost"
+GONE_LINE = f"lost, ^K: link.lost {UNKNOWN} controller.buffer_may_be_open"
+GONE_STOPPING = "lost, ^A (^K): link.lost"
+NOT_AS_IT_WAS = "ready, lines: controller.setting"
+OUSTED, OUSTED_MOVING = "ready, nothing: owner.ousted", "stopped, ^A: owner.ousted"
+
+ONCE = (SAME, SAME, SAME, SAME, SILENT_LINE, SAME, SAME, ABORTED_IN_DOUBT)
+LONGER = (SILENT, SILENT, SILENT, SILENT, SILENT_LINE, SILENT, SILENT_CUT, ABORTED_IN_DOUBT)
+UNHARMED = (SAME,) * len(Situation)
+MUTE = (LOST, LOST, LOST, LOST, LOST_LINE, LOST, LOST, LOST_STOPPING)
+LATE = (SAME, SAME, LAPSED, LAPSED, SAME, SAME, LAPSED, ABORTED_IN_DOUBT)
+NO_INDEX = (SAME, SAME, SAME, TIMEOUT, SAME, SAME, SAME, SAME)
+TRIPPED = (SAME, *(FAULT_K,) * 6, "stopped, ^A (^K): machine.fault")
+AT_A_LIMIT = (SAME, *(FAULT_A,) * 7)
+SET_OTHERWISE = (SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME, SAME, SAME)
+OUT_OF_PHASE = "stopped, ^K: cut.out_of_phase machine.fault"
+
+_ROWS: Mapping[str, tuple[str, ...]] = {
+    # drives off, idle, jogging the carriage, homing, downloading, armed, cutting, stopping a cut
+    "no fault": (
+        *("ready, nothing", "ready, nothing", "ready, renewals", "ready, lines"),
+        *("armed, lines", "armed, nothing", "ready, lines", ABORTED),
+    ),
+    # One look is lost: it is asked again. A line of a program is not, because it may have been stored.
+    "dropped-ack, once": ONCE,
+    "extra-line, once": ONCE,
+    "nul, once": ONCE,
+    "bare-bel, once": ONCE,
+    "dropped-ack, 1 s": LONGER,
+    "extra-line, 1 s": LONGER,
+    "nul, 1 s": LONGER,
+    "bare-bel, 1 s": LONGER,
+    # Longer than a lease: what moves is ended by the card. Shorter than what a line of a program may take.
+    "late-reply, 500 ms, once": LATE,
+    "late-reply, 500 ms, for 2 s": (SILENT, SILENT, SILENT, SILENT, SAME, SILENT, SILENT_CUT, ABORTED_IN_DOUBT),
+    # Slow, but sound: nothing is lost by it, and a stop is a stop.
+    "late-reply, 150 ms, each": UNHARMED,
+    "split-segments": UNHARMED,
+    "wrong-checksum": UNHARMED,
+    "9600-baud": UNHARMED,
+    "cut-cable": (GONE, GONE, GONE, GONE, GONE_LINE, GONE, GONE, GONE_STOPPING),
+    "hang, 0.1 s": UNHARMED,
+    "hang, 0.4 s": LATE,
+    "hang": MUTE,
+    # At rest an encoder that does not count is as one that does.
+    "encoder-loss, tool": (SAME, SAME, SAME, FAULT_K, SAME, SAME, OUT_OF_PHASE, SAME),
+    "encoder-loss, spindle": (SAME, SAME, SAME, FAULT_K, SAME, SAME, FAULT_K, SAME),
+    # The rest of this cut is 0.4 mm of Z, and the fatal following error 1 mm: it never arrives, and does not trip.
+    "encoder-loss, carriage": (SAME, SAME, FAULT_K, FAULT_K, SAME, SAME, TIMEOUT, SAME),
+    "index-lost, tool": NO_INDEX,
+    "index-lost, spindle": NO_INDEX,
+    "index-lost, carriage": NO_INDEX,
+    # The fault input is not looked at while an amplifier is off.
+    "amplifier-fault, tool": TRIPPED,
+    "amplifier-fault, spindle": TRIPPED,
+    "amplifier-fault, carriage": TRIPPED,
+    "limit, tool positive": AT_A_LIMIT,
+    "limit, tool negative": AT_A_LIMIT,
+    # A rotary axis has no switches: its flags are not used.
+    "limit, spindle positive": UNHARMED,
+    "limit, spindle negative": UNHARMED,
+    "limit, carriage positive": AT_A_LIMIT,
+    "limit, carriage negative": AT_A_LIMIT,
+    # What stands jammed has no following error. The lobe is less than the fatal one of the tool, its way out more.
+    "following-error-trip, tool": (SAME, SAME, SAME, FAULT_K, SAME, SAME, OUT_OF_PHASE, SAME),
+    "following-error-trip, spindle": (
+        *(SAME, SAME, SAME, FAULT_K, SAME, SAME, FAULT_K),
+        "stopped, ^A (^K): machine.fault",
+    ),
+    "following-error-trip, carriage": (SAME, SAME, FAULT_K, FAULT_K, SAME, SAME, TIMEOUT, SAME),
+    "spindle-ripple": UNHARMED,
+    "watchdog": MUTE,
+    "slow-background": UNHARMED,
+    "slow-background, 2.5 s": MUTE,
+    # Settings are compared where something is armed; what was armed before is refused at its start.
+    # Half the gain of the tool is a lag that is seen in a cut.
+    "stranger-writes, a gain": (
+        *(SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME),
+        *("ready, lines: cut.out_of_phase", SAME),
+    ),
+    "stranger-writes, a limit": SET_OTHERWISE,
+    "stranger-writes, no PLCs": SET_OTHERWISE,
+    # As a lost reply: the settings of the line are made again.
+    "stranger-writes, the handshake": ONCE,
+    "stranger-writes, an open buffer": UNHARMED,
+    "stranger-writes, another owner": (
+        *(OUSTED, OUSTED, OUSTED_MOVING, OUSTED_MOVING, "ready, lines: owner.ousted", OUSTED),
+        *(OUSTED_MOVING, "stopped, ^A: owner.ousted"),
+    ),
+    # What it moves is not ours; drives that come on where hands may be are switched off.
+    "stranger-writes, a jog": (
+        *("stopped, ^K: machine.energised", SAME, "stopped, ^A: machine.not_arrived", SAME),
+        *("ready, lines: machine.moving", SAME, SAME, SAME),
+    ),
+}
+
+TABLE: Mapping[str, Mapping[Situation, str]] = {
+    name: dict(zip(Situation, cells, strict=True)) for name, cells in _ROWS.items()
+}
+
+
+def right(row: str, situation: Situation) -> str:
+    """Return what is right in a cell, with what happens without a fault where that is meant."""
+    said = TABLE[row][situation]
+    return TABLE["no fault"][situation] if said == SAME else said

@@ -1,0 +1,106 @@
+"""The rows of the matrix: every fault of the catalogue, in each form that matters to a console."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from drivers.simulator.faults.parameter import Value
+from drivers.simulator.machine import SimulatedLathe
+from drivers.snapshot import AxisName
+
+AXES = tuple(AxisName)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A fault with what it is told; without `for_s` it lasts until it is mended. `name` is that of the row.
+
+    `moves` is what the fault itself moves. Of `unseen` nobody can know where it is, as its encoder does not count.
+    """
+
+    name: str
+    fault: str
+    for_s: float | None = None
+    given: Mapping[str, Value] = field(default_factory=dict)
+    moves: AxisName | None = None
+
+    @property
+    def unseen(self) -> str:
+        return str(self.given["motor"]) if self.fault == "encoder-loss" else ""
+
+    def inject(self, sim: SimulatedLathe) -> None:
+        if self.fault:
+            lasting = {} if self.for_s is None else {"for": self.for_s}
+            sim.faults.ask(self.fault, {**self.given, **lasting})
+
+
+def _once(fault: str, **given: Value) -> Row:
+    return Row(name=f"{fault}, once", fault=fault, given={"replies": 1, **given})
+
+
+def _lasting(fault: str, **given: Value) -> Row:
+    return Row(name=fault, fault=fault, given=given)
+
+
+def _named(name: str, fault: str, *, for_s: float | None = None, **given: Value) -> Row:
+    return Row(name=f"{fault}, {name}", fault=fault, for_s=for_s, given=given)
+
+
+def _on_each_axis(fault: str) -> tuple[Row, ...]:
+    return tuple(_named(axis.value, fault, motor=axis.value) for axis in AXES)
+
+
+SPOILING = ("dropped-ack", "extra-line", "nul", "bare-bel")
+"""What can be wrong with a reply so that it cannot be read."""
+
+SPOILT_S = 1.0
+"""Longer than a lease, and than a look that is repeated."""
+
+STRANGERS = {
+    "a gain": "I130=264",
+    "a limit": "I113=400000",
+    "no PLCs": "I5=0",
+    "the handshake": "I3=0 I6=0",
+    "an open buffer": "OPEN PROG 900",
+    "another owner": "P1000=7",
+}
+"""What another host may write. The gain is half of what it was."""
+
+NO_FAULT = Row(name="no fault", fault="")
+
+ROWS: tuple[Row, ...] = (
+    NO_FAULT,
+    *(_once(fault) for fault in SPOILING),
+    *(_named("1 s", fault, for_s=SPOILT_S) for fault in SPOILING),
+    _named("500 ms, once", "late-reply", replies=1),
+    _named("500 ms, for 2 s", "late-reply", for_s=2.0),
+    _named("150 ms, each", "late-reply", delay_ms=150.0),
+    _lasting("split-segments"),
+    _lasting("wrong-checksum"),
+    _lasting("9600-baud"),
+    _lasting("cut-cable"),
+    _named("0.1 s", "hang", for_s=0.1),
+    _named("0.4 s", "hang", for_s=0.4),
+    _lasting("hang"),
+    *_on_each_axis("encoder-loss"),
+    *_on_each_axis("index-lost"),
+    *_on_each_axis("amplifier-fault"),
+    *(
+        _named(f"{axis} {direction}", "limit", motor=axis.value, direction=direction)
+        for axis in AXES
+        for direction in ("positive", "negative")
+    ),
+    *_on_each_axis("following-error-trip"),
+    _lasting("spindle-ripple"),
+    _lasting("watchdog"),
+    _lasting("slow-background"),
+    _named("2.5 s", "slow-background", cycle_ms=2500.0),
+    *(_named(name, "stranger-writes", line=line) for name, line in STRANGERS.items()),
+    Row(
+        name="stranger-writes, a jog",
+        fault="stranger-writes",
+        given={"line": "#3J:2000"},
+        moves=AxisName.CARRIAGE,
+    ),
+)

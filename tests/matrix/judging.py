@@ -1,0 +1,91 @@
+"""Whether what was seen in a cell is what is right, and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import zip_longest
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from console.session.state import Activity
+from tests.matrix.cell import Kind, Seen, run_cell
+from tests.matrix.expected import SAME, TABLE, UNKNOWN, right
+from tests.matrix.faults import NO_FAULT, Row
+from tests.matrix.situations import Situation
+
+STRONGEST_FIRST = (Kind.LINE, Kind.RENEWAL)
+_FOUND: dict[Situation, Seen] = {}
+
+
+def without_fault(situation: Situation) -> Seen:
+    """What is seen without a fault; found once."""
+    if situation not in _FOUND:
+        with TemporaryDirectory() as folder:
+            _FOUND[situation] = run_cell(NO_FAULT, situation, Path(folder))
+    return _FOUND[situation]
+
+
+def problems(row: Row, situation: Situation, seen: Seen) -> list[str]:
+    """Return everything that is not as it should be."""
+    wanted = right(row.name, situation)
+    told = [] if any(_fits(way, seen) for way in wanted.split(" or ")) else [f"{_said(seen)}, not {wanted}"]
+    return [*told, *seen.wrong, *_sent_again(seen, without_fault(situation)), *_not_mended(seen, wanted)]
+
+
+def unharmed(row: Row, situation: Situation) -> bool:
+    """Whether the fault makes no difference there."""
+    return TABLE[row.name][situation] == SAME
+
+
+def _fits(wanted: str, seen: Seen) -> bool:
+    state, _, codes = wanted.partition(": ")
+    end, _, sent = state.partition(", ")
+    return end == _end(seen) and _sent_fits(sent, seen) and _told_fits(codes.split(), seen.told)
+
+
+def _end(seen: Seen) -> str:
+    return "armed" if seen.armed and seen.end is Activity.READY else seen.end.value
+
+
+def _sent_fits(wanted: str, seen: Seen) -> bool:
+    may = {word.strip("()") for word in wanted.split()}
+    must = {word for word in wanted.split() if not word.startswith("(")}
+    return must <= set(_strongest(seen)) <= may
+
+
+def _strongest(seen: Seen) -> tuple[str, ...]:
+    """The stops, or where there are none the strongest thing that was sent."""
+    stops = tuple(kind.value for kind in seen.sent if kind in (Kind.ABORT, Kind.KILL))
+    others = [kind.value for kind in STRONGEST_FIRST if kind in seen.sent]
+    return stops or tuple(others[:1]) or ("nothing",)
+
+
+def _told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
+    """Each code is told, and nothing else; that the outcome of a look with its lease is unknown may be told."""
+    left = list(told)
+    for code in wanted:
+        found = next((one for one in code.split("/") if one in left), None)
+        if found is None:
+            return False
+        left.remove(found)
+    return all(code == UNKNOWN for code in left)
+
+
+def _said(seen: Seen) -> str:
+    return f"{_end(seen)}, {' '.join(_strongest(seen))}: {' '.join(seen.told)}"
+
+
+def _sent_again(seen: Seen, usual: Seen) -> Iterator[str]:
+    """What moves or writes goes out as without the fault, up to where it ends; so no line is sent again."""
+    pairs = zip_longest(seen.lines, usual.lines[: len(seen.lines)], fillvalue="nothing")
+    odd = next(((line, other) for line, other in pairs if line != other), None)
+    if odd is not None:
+        yield f"{odd[0]} was sent, where without the fault it is {odd[1]}"
+
+
+def _not_mended(seen: Seen, wanted: str) -> Iterator[str]:
+    """A machine that was lost is found again at rest, once all is right; a link that is gone stays so."""
+    lost = seen.end is Activity.LOST
+    expected = Activity.STOPPED if lost and "link.lost" not in wanted else seen.end
+    if seen.mended is not expected:
+        yield f"when it was mended: {seen.mended.value}, not {expected.value}"

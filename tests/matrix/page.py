@@ -1,0 +1,91 @@
+"""The matrix as a page for people: docs/fault-matrix.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tests.matrix.expected import SAME, TABLE
+from tests.matrix.known import KNOWN, WRONG
+from tests.matrix.situations import Situation
+
+_HEAD = """# The fault matrix
+
+What the console makes of each fault ([faults.md](faults.md)) in each state that it may be in. Each cell is tried
+on the simulated lathe, with the heartbeat that a screen keeps, and all that was sent and every axis is looked at.
+
+In no cell does anything move that was not ordered, nor behind the end. No line that moves or writes is sent more
+often than without the fault, and none behind a stop. No position is shown that the card did not have between
+request and reply. No amplifier is switched on. No exception is shown. What moves without an answer is stopped
+within a second, and a stop that is not proven goes out five times a second. When the fault is gone nothing goes on
+by itself, and a machine that was lost is found again at rest, unless its link is gone for good.
+
+A cell says how it ends, the strongest thing that was sent (a stop, before a line, before a renewal of the lease,
+before nothing but looks), and the alarms, or the reasons of a refusal:
+
+- **ready**, **armed**: the console goes on. **stopped**: rest is proven, and F2 goes on. **lost**: it cannot be
+  proven; the lease ends what moves.
+- `–` is as without the fault. A stop in parentheses may be sent, when a look fails on the way to rest.
+- *no answer* is one of `link.silent`, `link.out_of_step` and `link.not_in_step`: nothing came, or something else,
+  or the way back in step was not found.
+- Control-A is sent only while every loop was seen closed and nothing is in doubt. A fault of the line puts that in
+  doubt, an amplifier fault or a trip opens a loop: then it is control-K, and the spindle coasts.
+
+*Drives off* is with hands in the machine. The jog is one of the carriage, the home search that of the tool. The
+download is that of a program, the cut one of experiment 1 at 1000 rpm. What is being stopped is that cut, by
+Space, and the fault comes at that moment.
+
+## The table
+
+"""
+
+_LIMITS = """
+## What cannot be seen
+
+- An axis whose encoder does not count looks as if it rested. After a trip by a lost encoder the spindle may coast
+  on while the console proves rest: it goes by what the card reports. The alarm names the axis.
+- Control-A closes a loop that has tripped since the last look, where it stands. The card trips it again if the
+  cause lasts; the next look then finds it open, and the next stop is control-K.
+- What another host moves or switches on is not prevented; that it does so is seen with the next look.
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    return "".join((_HEAD, *_table(), *_wrong(), _LIMITS))
+
+
+def _table() -> Iterator[str]:
+    yield _row("fault", *(situation.value for situation in Situation))
+    yield _row(*("---",) * (len(Situation) + 1))
+    for name, cells in TABLE.items():
+        said = (_cell(name, situation, cell) for situation, cell in cells.items())
+        yield _row(name if name == "no fault" else f"`{name}`", *said)
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |\n"
+
+
+def _cell(row: str, situation: Situation, said: str) -> str:
+    mark = " \\*" if (row, situation) in KNOWN else ""
+    ways = "–" if said == SAME else " or ".join(_way(way) for way in said.split(" or "))
+    return ways + mark
+
+
+def _way(said: str) -> str:
+    state, _, codes = said.partition(": ")
+    end, _, sent = state.partition(", ")
+    told = [_code(code) for code in codes.split()]
+    return f"**{end}**, {sent}" + (f": {' '.join(told)}" if told else "")
+
+
+def _code(code: str) -> str:
+    return "*no answer*" if "/" in code else f"`{code}`"
+
+
+def _wrong() -> Iterator[str]:
+    if not WRONG:
+        return
+    yield "\n## Not yet so\n\nIn the cells with an asterisk it is not yet as the table says:\n\n"
+    for wrong in WRONG:
+        yield f"- {wrong.what}\n"

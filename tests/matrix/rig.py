@@ -1,0 +1,110 @@
+"""One station over one watched machine: the one place where they are put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from random import Random
+
+from console.session.owning import Owning
+from console.session.state import StationState
+from console.session.station import Station
+from console.session.workplace import Workplace
+from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.heartbeat import Heartbeat
+from drivers.lathe import Lathe
+from drivers.ownership import Ownership
+from drivers.pmac.client import PmacClient
+from drivers.snapshot import Snapshot
+from drivers.stop import StopPath
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.store import LoadedMachine, load_job, load_machine
+from tests.matrix.truth import WatchedLathe, Wiretap
+
+
+@dataclass(kw_only=True)
+class Rig:
+    """`looks` are called with every look, before the station sees it."""
+
+    sim: WatchedLathe
+    wire: Wiretap
+    lathe: Lathe
+    stop: StopPath
+    station: Station
+    place: Workplace
+    looks: list[Callable[[Snapshot], None]] = field(default_factory=list)
+
+    @property
+    def state(self) -> StationState:
+        return self.station.state
+
+    def step(self, seconds: float = 0.1) -> StationState:
+        """Let time pass, and let the station have its turn."""
+        self.sim.wait(seconds)
+        self.station.step()
+        return self.state
+
+
+@cache
+def compact_machine() -> LoadedMachine:
+    """The bundled lathe with everything close together, so that ways are short: 2 mm of tool, 9 mm of carriage."""
+    loaded = load_machine("lee-2001-lathe")
+    machine = loaded.machine
+    tool, carriage = replace(machine.tool, home_radius_mm=29.0), replace(machine.carriage, jaw_face_mm=40.0)
+    return replace(loaded, machine=replace(machine, tool=tool, carriage=carriage))
+
+
+@cache
+def short_job() -> Job:
+    """Experiment 1 with 34 turns of cut, 2 s."""
+    return replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.5)
+
+
+_PLANS: dict[object, CutPlan] = {}
+
+
+def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given: object) -> CutPlan:
+    """The plan of a cut; the same cut is planned once for all cells. Job and machine are always those above."""
+    wanted = (strategy, *sorted(given.items()))
+    if wanted not in _PLANS:
+        _PLANS[wanted] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
+    return _PLANS[wanted]
+
+
+def build_rig(records: Path) -> Rig:
+    """Put lathe and station together as a screen has them, with a heartbeat; nothing is connected yet."""
+    loaded = compact_machine()
+    sim = WatchedLathe(loaded.machine)
+    wire = Wiretap(sim.connect(), sim)
+    stop, client = StopPath(wire), PmacClient(wire, sim)
+    made: list[Rig] = []
+
+    def seen(snapshot: Snapshot) -> None:
+        for rig in made:
+            for look in tuple(rig.looks):
+                look(snapshot)
+            rig.station.seen(snapshot)
+
+    lathe = Lathe(
+        client,
+        loaded.machine,
+        sim,
+        stop,
+        seen,
+        Heartbeat(client, sim, loaded.machine),
+        Ownership(client, Random(1)),
+    )
+    place = Workplace(
+        lathe=lathe,
+        owning=Owning(lathe, wire.address, records),
+        machine=loaded,
+        clock=sim,
+        shop=None,
+        records=records,
+        local_time=lambda: "21 Nov 10:00",
+    )
+    made.append(Rig(sim=sim, wire=wire, lathe=lathe, stop=stop, station=Station(place), place=place))
+    return made[0]

@@ -1,0 +1,59 @@
+"""Every fault in every state: what the console makes of it, and that nothing of it is dangerous.
+
+In no cell does anything move unasked, is a line sent twice, a reply taken for another, a dead drive energised,
+or an exception shown. What is right in each cell stands in `expected.py`, and as a page in docs/fault-matrix.md.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from console.session import cutting
+from drivers import lathe
+from drivers.simulator.faults.catalogue import CATALOGUE
+from tests.matrix.cell import run_cell
+from tests.matrix.expected import TABLE
+from tests.matrix.faults import ROWS, Row
+from tests.matrix.judging import problems
+from tests.matrix.known import KNOWN
+from tests.matrix.page import page
+from tests.matrix.rig import planned_once
+from tests.matrix.situations import Situation
+
+PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"
+
+
+PATIENCE_S = 20.0
+"""A spindle at 1000 rpm runs out in 16 s; a machine that does not answer is given up then."""
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plan once for all cells, and wait no longer than for that spindle."""
+    monkeypatch.setattr(cutting, "plan_cut", planned_once)
+    monkeypatch.setattr(lathe, "COAST_TIMEOUT_S", PATIENCE_S)
+
+
+@pytest.mark.parametrize("situation", Situation, ids=lambda each: each.value.replace(" ", "-"))
+@pytest.mark.parametrize("row", ROWS, ids=lambda each: each.name)
+def test_a_fault_in_a_state_ends_as_it_should(row: Row, situation: Situation, tmp_path: Path) -> None:
+    met = problems(row, situation, run_cell(row, situation, tmp_path))
+    if (row.name, situation) in KNOWN:
+        assert met != [], "this cell is right now: take it out of the list of known ones"
+    else:
+        assert met == []
+
+
+def test_every_fault_of_the_catalogue_has_a_row() -> None:
+    assert {row.fault for row in ROWS if row.fault} == set(CATALOGUE)
+    assert [row.name for row in ROWS] == list(TABLE)
+
+
+def test_the_page_is_the_table() -> None:
+    if os.environ.get("GOLDENS") == "write":
+        PAGE.write_text(page(), encoding="utf-8")
+        pytest.fail(f"{PAGE.name} was written: look at it, then run without GOLDENS", pytrace=False)
+    assert PAGE.read_text(encoding="utf-8") == page()

@@ -1,0 +1,197 @@
+"""Gain, phase, confidence and coherence of a sine: against what was put in, and against another method."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from profiles.identification import FrequencyResponse, fit_sine, frequency_response, reference_swing
+from profiles.problem import ProfileError
+
+RATE_HZ = 2258.82
+"""The servo rate of the factory setting: no whole number of samples in a period of anything."""
+
+Floats = NDArray[np.float64]
+
+
+def times(frequency_hz: float, periods: int, rate_hz: float = RATE_HZ) -> Floats:
+    return np.arange(math.ceil(periods / frequency_hz * rate_hz) + 1) / rate_hz
+
+
+def sine(time_s: Floats, frequency_hz: float, amplitude: float, phase_deg: float) -> Floats:
+    return amplitude * np.cos(2 * np.pi * frequency_hz * time_s + math.radians(phase_deg))
+
+
+@given(
+    frequency_hz=st.floats(1.0, 200.0),
+    gain=st.floats(0.05, 3.0),
+    phase_deg=st.floats(-179.0, 179.0),
+    begins_deg=st.floats(0.0, 360.0),
+    offset=st.floats(-1000.0, 1000.0),
+    drift=st.floats(-50.0, 50.0),
+    periods=st.integers(4, 30),
+)
+def test_what_was_put_in_comes_out_whatever_offset_and_drift(
+    frequency_hz: float,
+    gain: float,
+    phase_deg: float,
+    begins_deg: float,
+    offset: float,
+    drift: float,
+    periods: int,
+) -> None:
+    time = times(frequency_hz, periods)
+    reference = sine(time, frequency_hz, 25.0, begins_deg)
+    response = sine(time, frequency_hz, 25.0 * gain, begins_deg + phase_deg) + offset + drift * time
+    found = frequency_response(time, reference, response, frequency_hz)
+    assert found.response == pytest.approx(cmath.rect(gain, math.radians(phase_deg)), abs=1e-9)
+    assert found.reference == pytest.approx(25.0, rel=1e-9)
+    assert found.coherence == pytest.approx(1.0, abs=1e-12)
+    assert found.gain_ci < 1e-6
+    assert 2 <= found.segments <= 10
+
+
+@given(scale=st.floats(1e-6, 1e6), zero_s=st.floats(-1e4, 1e4))
+def test_neither_the_unit_nor_the_time_of_the_first_sample_matters(scale: float, zero_s: float) -> None:
+    random = np.random.default_rng(7)
+    time = times(30.0, 12)
+    reference = sine(time, 30.0, 25.0, 10.0)
+    response = sine(time, 30.0, 20.0, -30.0) + random.normal(0.0, 1.0, len(time))
+    plain = frequency_response(time, reference, response, 30.0)
+    other = frequency_response(time + zero_s, reference * scale, response * scale, 30.0)
+    assert other.response == pytest.approx(plain.response, rel=1e-6)
+    assert other.gain_ci == pytest.approx(plain.gain_ci, rel=1e-4)
+    assert other.reference == pytest.approx(25.0 * scale, rel=1e-6)
+
+
+def noisy(seed: int, noise: float, periods: int = 20) -> FrequencyResponse:
+    random = np.random.default_rng(seed)
+    time = times(50.0, periods)
+    response = sine(time, 50.0, 22.0, -52.0) + random.normal(0.0, noise, len(time))
+    return frequency_response(time, sine(time, 50.0, 25.0, 0.0), response, 50.0)
+
+
+def test_the_confidence_holds_the_truth_as_often_as_it_says() -> None:
+    """95 %, of 300 draws; the larger of two half-widths holds a little more."""
+    found = [noisy(seed, noise=5.0) for seed in range(300)]
+    gains = np.mean([abs(each.gain - 0.88) <= each.gain_ci for each in found])
+    phases = np.mean([abs(each.phase_deg + 52.0) <= each.phase_ci_deg for each in found])
+    assert 0.94 <= gains <= 0.995
+    assert 0.94 <= phases <= 0.995
+
+
+def test_the_confidence_is_the_size_of_the_scatter_that_there_is() -> None:
+    """Standard deviation of a component: noise sqrt(2 / samples) / amplitude; the half-width twice that."""
+    found = [noisy(seed, noise=5.0) for seed in range(100)]
+    wanted = 5.0 * math.sqrt(2.0 / (0.4 * RATE_HZ)) / 25.0
+    assert np.std([each.gain for each in found]) == pytest.approx(wanted, rel=0.2)
+    assert np.mean([each.gain_ci for each in found]) == pytest.approx(2.1 * wanted, rel=0.15)
+
+
+def test_what_changes_from_segment_to_segment_is_seen_though_each_fits_well() -> None:
+    """An amplitude that wanders by 10 % is no residual of a segment; the scatter has it."""
+    time = times(50.0, 20)
+    wandering = 1.0 + 0.1 * np.sin(2 * np.pi * 2.5 * time)
+    reference = sine(time, 50.0, 25.0, 0.0)
+    found = frequency_response(time, reference, wandering * sine(time, 50.0, 20.0, -30.0), 50.0)
+    assert found.gain_ci > 0.01
+    assert found.coherence < 0.999
+
+
+def test_a_second_method_finds_the_same() -> None:
+    """Welch's cross spectrum over the same segments, ten periods of 40 samples each, rectangular, no overlap."""
+    from scipy import signal
+
+    random = np.random.default_rng(3)
+    rate_hz, frequency_hz, samples = 2000.0, 50.0, 4000
+    time = np.arange(samples) / rate_hz
+    reference = sine(time, frequency_hz, 25.0, 33.0)
+    response = sine(time, frequency_hz, 21.0, -20.0) + random.normal(0.0, 6.0, samples)
+    segment = {"fs": rate_hz, "nperseg": 400, "noverlap": 0, "window": "boxcar", "detrend": "constant"}
+    frequencies, cross = signal.csd(reference, response, **segment)
+    place = int(np.argmin(np.abs(frequencies - frequency_hz)))
+    wanted = cross[place] / signal.welch(reference, **segment)[1][place]
+    coherence = signal.coherence(reference, response, **segment)[1][place]
+    found = frequency_response(time, reference, response, frequency_hz)
+    assert found.segments == 10
+    # Only the drift, which is fitted here and not there, is between the two: a share of the noise.
+    assert found.response == pytest.approx(complex(wanted), abs=0.2 * found.gain_ci)
+    assert found.coherence == pytest.approx(float(coherence), abs=2e-3)
+    assert found.coherence < 0.9999
+
+
+@pytest.mark.parametrize("frequency_hz", [10.0, 50.0, 150.0])
+def test_the_response_of_a_known_filter_is_found_in_noise(frequency_hz: float) -> None:
+    from scipy import signal
+
+    random = np.random.default_rng(11)
+    b, a = signal.butter(2, 60.0, fs=RATE_HZ)
+    time = times(frequency_hz, 60)
+    reference = sine(time, frequency_hz, 25.0, 70.0)
+    response = signal.lfilter(b, a, reference) + random.normal(0.0, 0.5, len(time))
+    wanted = complex(signal.freqz(b, a, [frequency_hz], fs=RATE_HZ)[1][0])
+    half = len(time) // 2  # what the filter makes of the beginning has gone
+    found = frequency_response(time[half:], reference[half:], response[half:], frequency_hz)
+    assert abs(found.response - wanted) < 2.0 * found.gain_ci
+    assert found.gain_ci < 0.01
+
+
+def test_two_signals_without_a_relation_have_next_to_no_coherence() -> None:
+    """One over the number of segments in the mean: 0.1 of ten."""
+    time = times(50.0, 20)
+    found = []
+    for seed in range(200):
+        random = np.random.default_rng(seed)
+        response = random.normal(0.0, 1.0, len(time))
+        found.append(frequency_response(time, sine(time, 50.0, 25.0, 0.0), response, 50.0))
+    assert np.mean([each.coherence for each in found]) == pytest.approx(0.1, abs=0.02)
+    assert np.median([each.phase_ci_deg for each in found]) > 45.0
+
+
+def test_a_fit_gives_offset_drift_and_what_is_left() -> None:
+    random = np.random.default_rng(5)
+    time = times(20.0, 40) + 3.0
+    values = sine(time, 20.0, 4.0, 60.0) + 7.0 + 2.0 * (time - time.mean()) + random.normal(0.0, 0.1, len(time))
+    found = fit_sine(time, values, 20.0)
+    assert found.phasor == pytest.approx(cmath.rect(4.0, math.radians(60.0)), abs=0.02)
+    assert found.offset == pytest.approx(7.0, abs=0.01)
+    assert found.drift_per_s == pytest.approx(2.0, abs=0.02)
+    assert found.residual == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_reference_that_grows_is_told_from_a_steady_one() -> None:
+    time = times(50.0, 20)
+    steady = sine(time, 50.0, 25.0, 0.0)
+    assert reference_swing(time, steady, 50.0) < 1e-9
+    assert reference_swing(time, steady * np.minimum(1.0, time / 0.1), 50.0) > 0.5
+
+
+@pytest.mark.parametrize(
+    ("code", "periods", "amplitude", "spoiled"),
+    [
+        ("identification.too_short", 1, 25.0, 0.0),
+        ("identification.not_finite", 20, 25.0, math.nan),
+        ("identification.no_reference", 20, 0.0, 0.0),
+    ],
+)
+def test_what_says_nothing_is_refused(code: str, periods: int, amplitude: float, spoiled: float) -> None:
+    time = times(50.0, periods)
+    response = sine(time, 50.0, 20.0, 0.0)
+    response[3] += spoiled
+    with pytest.raises(ProfileError) as refused:
+        frequency_response(time, sine(time, 50.0, amplitude, 0.0), response, 50.0)
+    assert [problem.code for problem in refused.value.problems] == [code]
+
+
+def test_a_sine_that_the_samples_cannot_show_is_refused() -> None:
+    """60 Hz at 100 samples a second would be seen as 40 Hz."""
+    time = np.arange(1000) / 100.0
+    with pytest.raises(ProfileError) as refused:
+        frequency_response(time, sine(time, 60.0, 1.0, 0.0), sine(time, 60.0, 1.0, 0.0), 60.0)
+    assert refused.value.problems[0].code == "identification.too_short"
