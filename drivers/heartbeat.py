@@ -9,16 +9,18 @@ from __future__ import annotations
 import math
 
 from drivers.clock import Clock
-from drivers.errors import DriverError, RefusedError
+from drivers.errors import DriverError, LinkError, RefusedError
+from drivers.link.base import GONE
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.heartbeat.arming import heartbeat_problems
+from drivers.pmac.exchange import REPLY_TIMEOUT_S
+from drivers.pmac.heartbeat.arming import forbidden, heartbeat_problems, permitted, silent
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_condition, lease_timer
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
-from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
+from drivers.pmac.heartbeat.reading import PERMISSION, HeartbeatLook, read_heartbeat
 from drivers.pmac.heartbeat.registers import ENDING
-from drivers.pmac.reserved import LOST
+from drivers.pmac.reserved import ECHO, LOST
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -31,8 +33,12 @@ RATE = "heartbeat.lease_rate"
 LAPSED = "heartbeat.lapsed"
 """The code of the problem that the card has ended a motion, because this host was silent."""
 
-EARLY_S = 0.5 * PERIOD_MS / 1000.0
-"""By how much a renewal may be early, when it saves a line of its own."""
+RENEWAL_TIMEOUT_S = 0.17
+"""How long the answer to a renewal is waited for: behind it there has to be time for another one."""
+
+PULSE_TIMEOUT_S = 0.3
+PULSE_POLL_S = 0.01
+"""How long the PLC may take to count on, and how often it is looked at, before anything moves."""
 
 END_MARGIN_S = 1.0
 """What the card may take beyond the times that it waits for."""
@@ -93,14 +99,14 @@ class Heartbeat:
         return f"{keeper.cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
 
     def renewal(self) -> str:
-        """Return the lease, to be put in front of a line that is sent at once; "" when none is due.
+        """Return the lease, to be put in front of a line that is sent at once; "" when nothing is guarded.
 
         Raises:
             DriverError: `heartbeat.lapsed`, as for `pause`.
             LinkError: the link broke or is out of step.
         """
         keeper = self._kept()
-        if keeper is None or self._clock.now_s() + EARLY_S < keeper.due_s(self._clock.now_s()):
+        if keeper is None:
             return ""
         self._keeper = keeper.renewed(self._clock.now_s())
         return keeper.line
@@ -123,10 +129,10 @@ class Heartbeat:
         Raises:
             LinkError: the link broke or is out of step.
         """
-        return bool(self._client.numbers(f"P{ENDING}", again=True)[0])
+        return bool(self._client.numbers(f"P{ENDING}", timeout_s=PULSE_TIMEOUT_S, again=True)[0])
 
-    def pause(self, seconds: float) -> None:
-        """Let time pass, and renew the lease when it is due.
+    def pause(self, seconds: float, timeout_s: float = RENEWAL_TIMEOUT_S) -> None:
+        """Let time pass, and renew the lease when it is due; an answer is waited for so long.
 
         Raises:
             DriverError: `heartbeat.lapsed`, this host was silent for so long that the card has ended the motion;
@@ -135,24 +141,34 @@ class Heartbeat:
         """
         end_s = self._clock.now_s() + seconds
         while True:
-            due_s = self._renewed()
+            due_s = self._renewed(timeout_s)
             now_s = self._clock.now_s()
             if now_s >= end_s:
                 return
             self._clock.wait(max(min(end_s, due_s) - now_s, SHORTEST_WAIT_S))
 
-    def ended(self) -> None:
+    def lapse(self) -> DriverError:
+        """Guard nothing any more, and return what has to be told: the card has ended what was guarded."""
+        self._guarding = False
+        return DriverError(Problem(code=LAPSED, where=self._client.link.address))
+
+    @property
+    def guarding(self) -> bool:
+        """Whether something moves on a lease of this host."""
+        return self._guarding
+
+    def ended(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
         """What was guarded has come to its end; the lease may run out.
 
         Raises:
-            DriverError: `heartbeat.lost`, the card has ended it before.
-            LinkError: the link broke or is out of step.
+            DriverError: `heartbeat.lapsed`, the card has ended it before.
+            LinkError: the link broke or is out of step; the card may not know it.
         """
         if not self._guarding:
             return
+        self._client.request(NOTHING_GUARDED, timeout_s)
         self._guarding = False
-        self._client.request(NOTHING_GUARDED)
-        (lost,) = self._client.numbers(f"P{LOST}", again=True)
+        (lost,) = self._client.numbers(f"P{LOST}", timeout_s=timeout_s, again=True)
         if lost:
             raise DriverError(Problem(code=LAPSED, where=self._client.link.address))
 
@@ -176,13 +192,31 @@ class Heartbeat:
     def _begin(self) -> Keeper:
         if self._keeper is None:
             raise RefusedError(Problem(code="heartbeat.not_prepared", where=self._client.link.address))
+        self._refuse_silent()
         self._guarding = True
         self._keeper = self._keeper.renewed(self._clock.now_s())
         return self._keeper
 
+    def _refuse_silent(self) -> None:
+        """Make sure that the PLC runs now: somebody may have switched it off since it was prepared.
+
+        Raises:
+            RefusedError: `heartbeat.plcs_forbidden`, `heartbeat.plc_silent`.
+            LinkError: the link broke or is out of step.
+        """
+        items, end_s = (f"I{PERMISSION}", f"P{ECHO}"), self._clock.now_s() + PULSE_TIMEOUT_S
+        permission, first = self._client.numbers(*items, again=True)
+        if not permitted(permission):
+            raise RefusedError(forbidden(permission))
+        while self._client.numbers(*items, again=True)[1] == first:
+            if self._clock.now_s() > end_s:
+                raise RefusedError(silent(first, first))
+            self._clock.wait(PULSE_POLL_S)
+
     def _lease_left(self) -> bool:
         """Ask the card whether it still waits for this host, with time enough for a renewal to come."""
-        lost, lease = self._client.numbers(f"P{LOST}", lease_timer(self._dialect).name, again=True)
+        items = (f"P{LOST}", lease_timer(self._dialect).name)
+        lost, lease = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
         return not lost and lease > cycles_of(PERIOD_MS, self._i10)
 
     def _kept(self) -> Keeper | None:
@@ -195,11 +229,22 @@ class Heartbeat:
         if not self._guarding or keeper is None:
             return None
         if keeper.lapsed(self._clock.now_s()) and not self._lease_left():
-            self._guarding = False
-            raise DriverError(Problem(code=LAPSED, where=self._client.link.address))
+            raise self.lapse()
         return keeper
 
-    def _renewed(self) -> float:
+    def _send(self, line: str, timeout_s: float) -> None:
+        """Send a renewal. One whose answer does not come is no end yet: the next look, with a lease, is one.
+
+        Raises:
+            LinkError: the link is gone.
+        """
+        try:
+            self._client.request(line, timeout_s)
+        except LinkError as error:
+            if any(problem.code in GONE for problem in error.problems):
+                raise
+
+    def _renewed(self, timeout_s: float) -> float:
         """Renew the lease if it is due; return when the next renewal is."""
         keeper = self._kept()
         if keeper is None:
@@ -207,5 +252,5 @@ class Heartbeat:
         now_s = self._clock.now_s()
         if now_s >= keeper.due_s(now_s):
             self._keeper = keeper = keeper.renewed(now_s)
-            self._client.request(keeper.line)
+            self._send(keeper.line, timeout_s)
         return keeper.due_s(now_s)

@@ -11,21 +11,22 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
+from drivers.arrival import ARRIVED_COUNTS, arrived, nearly_arrived
 from drivers.clock import Clock
-from drivers.cutting.table_state import table_problems
+from drivers.cutting.table_state import correction_counts, switch_off, table_problems
 from drivers.errors import DriverError, LinkTimeoutError, RefusedError
 from drivers.heartbeat import LAPSED, Heartbeat
-from drivers.link.base import GONE
 from drivers.looks import LOOK_TIMEOUT_S, Looks
 from drivers.ownership import NOBODY, Ownership
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.language.text import format_number
-from drivers.pmac.program_load import load_program
+from drivers.pmac.program_load import load_program, verify_program
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import HOLD_FLAG
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.verification import differences
+from drivers.resting import prove_rest
 from drivers.sending import Sending
 from drivers.snapshot import AxisName, AxisState, Snapshot, SnapshotItems, driven_axes
 from drivers.stop import StopPath
@@ -39,18 +40,8 @@ CUT_POLL_S = 0.023
 JOG_POLL_S = 0.1
 """Time between two looks at an axis on its way."""
 
-QUICK_LOOK_TIMEOUT_S = 0.1
-"""The same while a stop is being proven, where the next repetition must not wait."""
-
-ARRIVED_COUNTS = 2.0
-"""How far from its target a jog may be commanded to rest; positions are told in tenths of a count."""
-
-REST_TIMEOUT_S = 15.0
-COAST_TIMEOUT_S = 60.0
-STOP_REPEAT_S = 0.2
-LOOKS_AT_REST = 3
-REST_BAND_COUNTS = 1.0
-"""Rest is so many looks in a row, between which no axis has gone further than this."""
+SPEED_S = 0.5
+"""Over how long the speed of a spindle is seen that somebody else turns."""
 
 
 class Lathe:
@@ -202,25 +193,34 @@ class Lathe:
             if axis not in self._driven:
                 continue
             self._jog(f"#{self._motors[axis]}HM")
-            self._wait(partial(_arrived, axis=axis, flag="home_complete"), timeout_s, f"home {axis}")
+            self._wait(partial(arrived, axis=axis, flag="home_complete"), timeout_s, f"home {axis}")
 
-    def jog_to(self, axis: AxisName, counts: float, timeout_s: float = 120.0, *, settle: bool = True) -> None:
+    def jog_to(
+        self,
+        axis: AxisName,
+        counts: float,
+        timeout_s: float = 120.0,
+        *,
+        settle: bool = True,
+        held_counts: float = 0.0,
+    ) -> None:
         """Jog one axis to a position in counts of its motor.
 
         With `settle` it must be in position; without, it is enough that it is commanded to rest there and lags by
         less than the warning limit Ix12: the integrator of a slow loop may take many seconds for the remainder.
+        `held_counts` is what a compensation table adds to where it is seen.
 
         Raises:
             DriverError: `machine.timeout`, `machine.fault` or `machine.not_arrived`.
         """
         self._jog(f"#{self._motors[axis]}J={format_number(counts)}")
-        done = partial(_arrived, axis=axis, flag="in_position")
+        done = partial(arrived, axis=axis, flag="in_position")
         if not settle:
             band = self.machine.controller.variables[f"I{self._motors[axis]}12"] / PARTS_PER_COUNT
-            done = partial(_nearly_arrived, axis=axis, band_counts=band)
+            done = partial(nearly_arrived, axis=axis, band_counts=band)
         state = self._wait(done, timeout_s, f"jog {axis}").axis(axis)
         there = state.position + state.following_error
-        if abs(there - counts) > ARRIVED_COUNTS:
+        if abs(there - counts - held_counts) > ARRIVED_COUNTS:
             # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
             value, limit = f"{there:.0f} counts", f"{counts:.0f} counts"
             self.stop.stop(f"jog {axis}")
@@ -233,9 +233,10 @@ class Lathe:
             DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `jog_to`.
         """
         state = self._ready_to_jog(axis)
-        end = state.position + state.following_error + counts
+        held = self._correction_counts() if axis is AxisName.TOOL else 0.0
+        end = state.position + state.following_error - held + counts
         refuse_beyond_travel(self.machine, axis, self._motors[axis], end)
-        self.jog_to(axis, end, timeout_s, settle=False)
+        self.jog_to(axis, end, timeout_s, settle=False, held_counts=held)
 
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
         """Jog the tool out, after a stop or a hold, to a position in counts; the tool counts towards the work.
@@ -255,7 +256,10 @@ class Lathe:
             raise RefusedError(
                 Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=limit)
             )
-        self.jog_to(AxisName.TOOL, to_counts, timeout_s)
+        self.jog_to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._correction_counts())
+
+    def _correction_counts(self) -> float:
+        return correction_counts(self._client, self.machine, self._dialect)
 
     def overrun_counts(self, axis: AxisName) -> float:
         """Return the way that an axis may still go after a stop in mid-jog, see `drivers.travel`."""
@@ -304,6 +308,41 @@ class Lathe:
         self._sending.refuse_unless_owner()  # a pointer of the console is written for it
         return table_problems(self._client, self.machine, self._dialect)
 
+    @property
+    def driven(self) -> tuple[AxisName, ...]:
+        """The axes that the controller moves."""
+        return self._driven
+
+    def spindle_rpm(self) -> float:
+        """Return how fast the spindle turns, seen over `SPEED_S`; nothing is sent but looks.
+
+        Raises:
+            LinkError: the link broke or is out of step.
+        """
+        first = self.snapshot()
+        self._clock.wait(SPEED_S)
+        last = self.snapshot()
+        turns = (last.spindle.position - first.spindle.position) / self.machine.spindle.counts_per_rev
+        return 60.0 * turns / (0.5 * (last.asked_s + last.at_s) - 0.5 * (first.asked_s + first.at_s))
+
+    def switch_tables_off(self) -> tuple[Problem, ...]:
+        """Switch compensation tables off where they add nothing to the tool, at rest; return what is then left.
+
+        Raises:
+            DriverError: `machine.moving`, nothing was sent; the link broke.
+        """
+        self._sending.refuse_unless_owner()
+        self._refuse_moving(self.snapshot())
+        return switch_off(self._client, self.machine, self._dialect)
+
+    def holds(self, program: ProgramText) -> None:
+        """Make sure that the card still holds a program as it was loaded; nothing is written.
+
+        Raises:
+            DriverError: `controller.program_differs`; the link broke; a program is not there.
+        """
+        verify_program(self._client, program)
+
     def start(self, number: int, retracted_counts: float) -> None:
         """Run a loaded program. This moves the machine; the tool is out of the part at `retracted_counts`."""
         line = f"B{number}R"
@@ -337,51 +376,13 @@ class Lathe:
         return self._wait(lambda s: s.in_position, timeout_s, "program", watch)
 
     def wait_for_rest(self) -> Snapshot:
-        """After a stop: send it again, and repeat it, until the controller proves that nothing moves.
-
-        After control-K every loop must be open as well, and a spindle may take its time to run out. A look
-        that fails is no proof: the stop goes out again, and the next look is tried. So is a stop that somebody
-        sends meanwhile: the proof begins anew.
+        """After a stop: repeat it until the controller proves that nothing moves, see `drivers.resting`.
 
         Raises:
             DriverError: `machine.not_at_rest`.
             LinkError: `link.lost`, there is nobody to ask any more.
         """
-        self.stop.repeat()
-        self._end_guard()
-        began_s = self._clock.now_s()
-        before: Snapshot | None = None
-        mark, looks_at_rest = self.stop.mark, 0
-        while self._clock.now_s() - began_s < self._rest_timeout_s:
-            if self.stop.mark != mark:
-                mark, looks_at_rest = self.stop.mark, 0
-            snapshot = self._look()
-            proven = snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not self.stop.killed)
-            if not proven:
-                self.stop.repeat()
-            still = snapshot is not None and before is not None and snapshot.near(before, REST_BAND_COUNTS)
-            looks_at_rest = looks_at_rest + 1 if proven and still else 0
-            if snapshot is not None and mark is not None and looks_at_rest >= LOOKS_AT_REST:
-                self.stop.rest_proven(mark)
-                if self.stop.proven:
-                    return snapshot
-            before = snapshot
-            if snapshot is not None:
-                self._clock.wait(STOP_REPEAT_S)
-        raise DriverError(Problem(code="machine.not_at_rest", value=f"{self._rest_timeout_s:g} s"))
-
-    @property
-    def _rest_timeout_s(self) -> float:
-        """How long rest may take; a ramp that had to become a kill on the way has the time to run out, too."""
-        return COAST_TIMEOUT_S if self.stop.killed else REST_TIMEOUT_S
-
-    def _look(self) -> Snapshot | None:
-        try:
-            return self._looks.look_once(QUICK_LOOK_TIMEOUT_S)
-        except DriverError as error:
-            if error.problems[0].code in GONE:
-                raise
-            return None
+        return prove_rest(self._looks, self.stop, self._clock, self._end_guard)
 
     def _ready_to_jog(self, axis: AxisName) -> AxisState:
         """Return where an axis stands. A jog would close an open loop, and nothing else may do that unasked.
@@ -410,6 +411,10 @@ class Lathe:
         if self._heartbeat is not None:
             self._heartbeat.loss_seen()
 
+    def in_doubt(self) -> None:
+        """Whatever was seen of the drives is not to be relied on any more: the next stop is a control-K."""
+        self._looks.in_doubt()
+
     def _end_guard(self) -> None:
         """Nothing is to be guarded behind a stop: the card must not take the tool out by itself then.
 
@@ -418,7 +423,7 @@ class Lathe:
         """
         if self._heartbeat is not None:
             with suppress(DriverError):
-                self._heartbeat.ended()
+                self._heartbeat.ended(self._looks.patience_s)
 
     def _jog(self, line: str) -> None:
         self._sending.move(line if self._heartbeat is None else self._heartbeat.jog(line))
@@ -427,7 +432,7 @@ class Lathe:
         if self._heartbeat is None:
             self._clock.wait(seconds)
         else:
-            self._heartbeat.pause(seconds)
+            self._heartbeat.pause(seconds, self._looks.patience_s)
 
     def _wait(
         self,
@@ -437,9 +442,13 @@ class Lathe:
         watch: Callable[[Snapshot], None] | None = None,
     ) -> Snapshot:
         deadline = self._clock.now_s() + timeout_s
+        standing_on: frozenset[str] = (
+            frozenset() if watch is not None or self._looks.last is None else self._looks.last.limits
+        )
         while True:
             snapshot = self._next_look(JOG_POLL_S if watch is None else CUT_POLL_S, deadline)
-            faults = snapshot.axis_faults if watch is None else snapshot.faults
+            met = snapshot.axis_faults if watch is None else snapshot.faults
+            faults = [fault for fault in met if fault not in standing_on]
             if faults:
                 self.stop.stop(faults[0])
                 raise DriverError(Problem(code="machine.fault", key=what, value=", ".join(faults)))
@@ -465,6 +474,8 @@ class Lathe:
             self._pause(pause_s)
             self.stop.check()
             snapshot = self.snapshot()
+            if snapshot.lost and self._heartbeat is not None and self._heartbeat.guarding:
+                raise self._heartbeat.lapse()
         except DriverError as error:
             if error.problems[0].code == LAPSED:
                 self._see_it_end(deadline)
@@ -483,13 +494,3 @@ class Lathe:
             if self.snapshot().at_rest and not heartbeat.is_ending():
                 return
             self._clock.wait(CUT_POLL_S)
-
-
-def _arrived(snapshot: Snapshot, axis: AxisName, flag: str) -> bool:
-    flags = snapshot.axis(axis).flags
-    return flag in flags and "in_position" in flags and "home_search" not in flags
-
-
-def _nearly_arrived(snapshot: Snapshot, axis: AxisName, band_counts: float) -> bool:
-    state = snapshot.axis(axis)
-    return "desired_velocity_zero" in state.flags and abs(state.following_error) <= band_counts

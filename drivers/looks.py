@@ -8,22 +8,30 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.clock import Clock
-from drivers.errors import DriverError, LinkTimeoutError
+from drivers.errors import DriverError, LinkError
 from drivers.heartbeat import Heartbeat
+from drivers.link.base import GONE
 from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.snapshot import Snapshot, SnapshotItems
 from drivers.stop import StopPath
 
 LOOK_TIMEOUT_S = 0.3
-"""How long a look may take, before it is tried once more: in a cut nothing else tells of a fault."""
+"""How long the answer to a look may take: in a cut nothing else tells of a fault."""
+
+GUARDED_TIMEOUT_S = 0.17
+"""The same for the first try while a lease is kept: there has to be time for a second one before it runs out."""
+
+QUICK_TIMEOUT_S = 0.17
+"""The least time that an answer is given while a stop is being proven: the next repetition must not wait."""
 
 
 class Looks:
     """What the controller says of itself.
 
-    `loops_closed` is whether the last look saw every driven axis under control; False when it failed. `verified`
-    is set by whoever has compared the controller with its profile. `round_trip_s` is how long the last look took.
+    `last` is the last look that succeeded. `loops_closed` is whether the last look saw every driven axis under
+    control, False when it failed. `verified` is set by whoever has compared the controller with its profile.
+    `round_trip_s` is how long the last look took.
     """
 
     def __init__(
@@ -38,6 +46,7 @@ class Looks:
         ownership: Ownership | None = None,
     ) -> None:
         """`seen` is given every look that was read; it must return at once and not raise."""
+        self.last: Snapshot | None = None
         self.loops_closed = False
         self.verified = False
         self.round_trip_s = 0.0
@@ -49,16 +58,29 @@ class Looks:
         self._stop.loops_closed = self.loops_closed = False
 
     def look(self) -> Snapshot:
-        """Read the state of the machine in one request, and once more when its reply does not come.
+        """Read the state of the machine in one request, and once more when its reply does not come, or not whole.
 
         Raises:
             DriverError: `heartbeat.lapsed`, this host was silent for so long that the card has ended the motion.
             LinkError: the link broke or is out of step.
         """
         try:
+            return self.look_once(self._first_timeout_s)
+        except LinkError as error:
+            if any(problem.code in GONE for problem in error.problems):
+                raise
             return self.look_once(LOOK_TIMEOUT_S)
-        except LinkTimeoutError:
-            return self.look_once(LOOK_TIMEOUT_S)
+
+    @property
+    def patience_s(self) -> float:
+        """How long the answer to a look may take where the next try must not wait: a slow line takes its time."""
+        return min(max(QUICK_TIMEOUT_S, 2.0 * self.round_trip_s), LOOK_TIMEOUT_S)
+
+    @property
+    def _first_timeout_s(self) -> float:
+        if self._heartbeat is None or not self._heartbeat.guarding:
+            return LOOK_TIMEOUT_S
+        return min(max(GUARDED_TIMEOUT_S, 2.0 * self.round_trip_s), LOOK_TIMEOUT_S)
 
     def look_once(self, timeout_s: float) -> Snapshot:
         """Read the state of the machine in one request.
@@ -66,7 +88,9 @@ class Looks:
         Raises:
             DriverError: as for `look`.
         """
-        lease = "" if self._heartbeat is None else self._heartbeat.renewal()
+        lease = ""
+        if self._heartbeat is not None and self._stop.reason is None:  # behind a stop nothing of ours goes on
+            lease = self._heartbeat.renewal()
         asked_s = self._clock.now_s()
         try:
             line = " ".join((lease, *self._items.items)).lstrip()
@@ -78,6 +102,7 @@ class Looks:
             raise
         # A motor that is not ours would be closed by the same control-A, so that must be known, too.
         self._stop.loops_closed = snapshot.nothing_open and self.verified
+        self.last = snapshot
         self.loops_closed = snapshot.loops_closed
         self.round_trip_s = at_s - asked_s
         if self._ownership is not None:

@@ -127,6 +127,15 @@ class Snapshot:
         pairs = zip(AxisName, self.axes, strict=True)
         return tuple(f"{axis}: {name}" for axis, state in pairs for name in FAULT_FLAGS if name in state.flags)
 
+    @property
+    def limits(self) -> frozenset[str]:
+        """Those of the faults that are travel limits: an axis may stand on one, and be jogged off it."""
+        return frozenset(fault for fault in self.axis_faults if fault.endswith("_limit"))
+
+    def still(self, other: Snapshot, counts: float) -> bool:
+        """Whether no axis at all, moved by the controller or not, is further than `counts` from where it was."""
+        return all(abs(a.position - b.position) <= counts for a, b in zip(self.axes, other.axes, strict=True))
+
     def near(self, other: Snapshot, counts: float) -> bool:
         """Whether no axis that the controller moves is further than `counts` from where it was in `other`."""
         pairs = zip(self.driven_axes, other.driven_axes, strict=True)

@@ -180,12 +180,20 @@ def _simulated_shop(machine: MachineProfile, interruption: Interruption, tracing
         client = PmacClient(link, simulated)
         heartbeat = Heartbeat(client, simulated, machine)
         lathe = Lathe(client, machine, simulated, stop, heartbeat=heartbeat)
+
+        def turn(rpm: float | None) -> None:
+            if rpm is None:
+                simulated.stop_spindle()
+            else:
+                simulated.set_spindle_rpm(rpm)
+
         return Shop(
             lathe=lathe,
             clamp=simulated.mount,
             measure=simulated.measure,
             simulated=True,
             collisions=lambda: simulated.look().collisions,
+            turn=turn if machine.spindle.followed else None,
         )
 
     return open_shop

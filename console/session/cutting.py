@@ -8,13 +8,14 @@ from importlib.metadata import version
 from console.session.alignment import problems
 from console.session.errors import SessionError
 from console.session.intents import Arm, Disarm, Retract, Start
-from console.session.interlocks import Interlock, of_job, of_machine, of_program, refuse_unless
+from console.session.interlocks import Interlock, at_speed, of_job, of_machine, of_program, of_zero, refuse_unless
 from console.session.progress import CutStage, CutWatch
 from console.session.records import RunRecord
 from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, tool_clear
 from console.session.state import Activity, Armed
 from console.session.workplace import Workplace
 from drivers.cut import CutPlan, first_spindle_counts, plan_cut
+from drivers.errors import DriverError, LinkError
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.problem import Problem
@@ -36,7 +37,8 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     place.tell(armed=None)
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     machine = place.machine
-    refuse_unless(of_job(job, machine), _commissioned(place))
+    zero = of_zero(machine, order.strategy, jaw_found=True)
+    refuse_unless(of_job(job, machine), zero, _commissioned(place))
     turn, lease = _nearest_turn(place, job, order), place.lathe.lease
     plan = plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease)
     refuse_unless(of_program(plan))
@@ -72,12 +74,14 @@ def start(place: Workplace, _: Start) -> None:
         raise SessionError(Problem(code="session.not_armed"))
     place.started = armed
     place.tell(armed=None, cut=None, cut_done=False, measured=None)
+    _refuse_changed(place, armed.plan)
     plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine)
     place.holding = False
     place.seen = partial(_publish, place, watch, CutStage.POSITION)
     try:
         _go_to_start(place, plan)
         _refuse_unless_ready(place, plan, starting=True)
+        refuse_unless(at_speed(place.lathe, armed.job))
         place.note("started", strategy=armed.strategy.value)
         place.seen = partial(_publish, place, watch, CutStage.RUN_UP)
         place.tell(activity=Activity.CUTTING)
@@ -93,6 +97,9 @@ def start(place: Workplace, _: Start) -> None:
 def retract(place: Workplace, _: Retract) -> None:
     """Take the tool out to where it is clear of the part, or by the retract distance where no part is known.
 
+    A stop leaves the table of a cut on. Then the carriage goes back, too, to where that adds nothing, and there
+    it is switched off.
+
     Raises:
         DriverError: `machine.retract_direction`, the tool is out already.
     """
@@ -103,8 +110,21 @@ def retract(place: Workplace, _: Retract) -> None:
     if place.plan is not None:
         target = place.plan.setup.retracted
     else:
-        target = max(snapshot.tool.position - tool.retract_mm * tool.counts_per_mm, tool.travel_min_mm)
+        target = max(
+            snapshot.tool.position - tool.retract_mm * tool.counts_per_mm, tool.travel_min_mm * tool.counts_per_mm
+        )
     place.lathe.retract(target)
+    _leave_tables(place)
+
+
+def _leave_tables(place: Workplace) -> None:
+    if not place.lathe.tables_left():
+        return
+    plan = place.plan
+    # Without a plan: the zero of the carriage is in front of every table.
+    zero_z = 0.0 if plan is None or plan.zero_row_z is None else plan.zero_row_z
+    place.lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
+    refuse_unless(Interlock(name="no_table", problems=place.lathe.switch_tables_off()))
 
 
 def _nearest_turn(place: Workplace, job: Job, order: Arm) -> int:
@@ -119,7 +139,8 @@ def _go_to_start(place: Workplace, plan: CutPlan) -> None:
     if lathe.snapshot().tool.position > plan.setup.retracted:
         lathe.retract(plan.setup.retracted)
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
+    if AxisName.SPINDLE in lathe.driven:
+        lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
     lathe.jog_to(AxisName.TOOL, plan.tool_start)
 
 
@@ -136,6 +157,17 @@ def _commissioned(place: Workplace) -> Interlock:
 def _refuse_tables(place: Workplace) -> None:
     """Refuse to go on while a compensation table adds something to the tool, or has left something behind."""
     refuse_unless(Interlock(name="no_table", problems=place.lathe.tables_left()))
+
+
+def _refuse_changed(place: Workplace, plan: CutPlan) -> None:
+    """Refuse to move at all where the card is not as it was armed: its settings, its program."""
+    _refuse_unless_ready(place, plan, starting=False)
+    try:
+        place.lathe.holds(plan.program)
+    except LinkError:
+        raise
+    except DriverError as changed:
+        raise SessionError(*changed.problems) from changed
 
 
 def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
-from drivers.cut import CutPlan
+from drivers.cut import CutPlan, Strategy
+from drivers.lathe import Lathe
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import check, refusals
+
+SPEED_BAND = 0.02
+"""How far off the speed of the job a spindle may be that somebody else turns: the servo is inverted for that."""
 
 START_BAND_COUNTS = 10.0
 """How far an axis may stand from its start position."""
@@ -51,7 +55,7 @@ def of_machine(snapshot: Snapshot, plan: CutPlan, settings: tuple[Problem, ...])
             value=f"{state.position:.0f} counts",
             limit=f"{starts[axis]:.1f} ± {START_BAND_COUNTS:g} counts",
         )
-        for axis, state in zip(AxisName, snapshot.axes, strict=True)
+        for axis, state in zip(snapshot.driven, snapshot.driven_axes, strict=True)
         if abs(state.position - starts[axis]) > START_BAND_COUNTS
     )
     return (
@@ -62,6 +66,31 @@ def of_machine(snapshot: Snapshot, plan: CutPlan, settings: tuple[Problem, ...])
         Interlock(name="no_fault", problems=_faults(snapshot)),
         Interlock(name="at_start", problems=away),
     )
+
+
+def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> Interlock:
+    """Return whether jaw 1 is known from where the strategy counts the angle of a spindle that was never homed.
+
+    A table counts from where the card was switched on, as jaw 1 does that was found at the machine (`jaw_found`);
+    the spindle's time counts from the index, as the file of a job does.
+    """
+    code = ""
+    if machine.spindle.followed and strategy is Strategy.CAM and not jaw_found:
+        code = "cut.zero_unknown"
+    elif machine.spindle.followed and strategy is Strategy.TIMEBASE and jaw_found:
+        code = "cut.index_unknown"
+    return Interlock(name="zero_known", problems=(Problem(code=code, key=strategy),) if code else ())
+
+
+def at_speed(lathe: Lathe, job: Job) -> Interlock:
+    """Return whether a spindle that is switched and set at the lathe has the speed of the job."""
+    if not lathe.machine.spindle.followed:
+        return Interlock(name="at_speed")
+    rpm, wanted_rpm = lathe.spindle_rpm(), job.spindle_speed_rpm
+    holds = abs(rpm - wanted_rpm) <= SPEED_BAND * wanted_rpm
+    value, limit = f"{rpm:.1f} rpm", f"{wanted_rpm:.1f} ± {SPEED_BAND * wanted_rpm:.1f} rpm"
+    problem = Problem(code="machine.not_at_speed", key=AxisName.SPINDLE, value=value, limit=limit)
+    return Interlock(name="at_speed", problems=() if holds else (problem,))
 
 
 def refuse_unless(*interlocks: Interlock) -> None:

@@ -35,6 +35,7 @@ def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
         measure=simulated.measure,
         simulated=True,
         collisions=lambda: simulated.look().collisions,
+        turn=simulated.set_spindle if lathe.machine.spindle.followed else None,
         admit=admit,
         judge=judge,
     )

@@ -204,7 +204,7 @@ def recover(place: Workplace, _: Recover) -> None:
         place.lathe.acknowledge_loss()
     gone = cleared(place.state.alarms, *(alarm.problem.code for alarm in place.state.alarms))
     place.tell(stop=None, armed=None, alarms=gone)
-    place.lathe.snapshot()
+    place.limits_seen = place.lathe.snapshot().limits
 
 
 def measure(place: Workplace, _: Measure) -> None:
@@ -269,7 +269,7 @@ def _refuse_unless_still(place: Workplace) -> None:
     while place.clock.now_s() < deadline_s:
         place.clock.wait(STILL_S)
         after = place.lathe.snapshot()
-        if after.near(before, STILL_COUNTS):
+        if after.still(before, STILL_COUNTS):
             return
         before = after
     raise SessionError(Problem(code="machine.moving"))

@@ -10,9 +10,11 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.ripple import SpindleRipple, spindle_ripple
+from console.session.synchronisation import Synchronisation, before_part, in_part
 from console.session.telemetry import CutFigures, Telemetry
 from drivers.cut import CutPlan, Strategy
-from drivers.snapshot import Snapshot
+from drivers.snapshot import AxisName, Snapshot
 from profiles.compensation import Sinusoid
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -28,6 +30,9 @@ LEAST_PEAK_UM = 1.0
 
 PHASE_LIMIT_DEG = 1.0
 """Spindle degrees by which the tool may be out of phase (1 deg leaves 2.9 um of 55)."""
+
+BEGUN_UM = 20.0
+"""A tool that has gone so far from where the program found it was moved by the program."""
 
 
 class CutStage(StrEnum):
@@ -55,6 +60,8 @@ class CutProgress:
     behind the wanted path, in spindle degrees, None while too little was seen or there is no lobe to be in phase
     with. `fraction` is that of the cut length. `figures` are those of the whole cut, once it has ended. `judged`
     is False where the strategy follows no lobe: the tool error is then the lobe itself, and there is no phase.
+    `synchronisation` is None where there is nothing to keep together, or too little was seen of it. `ripple` is
+    how the speed of the spindle swings within a turn, by the last looks in the part; None where it cannot be told.
     """
 
     stage: CutStage
@@ -76,11 +83,23 @@ class CutProgress:
     errors_um: NDArray[np.float64]
     figures: CutFigures | None = None
     judged: bool = True
+    synchronisation: Synchronisation | None = None
+    ripple: SpindleRipple | None = None
 
     @property
     def in_phase(self) -> bool | None:
         """Whether the phase error is within its limit, None while it is not known."""
-        return None if self.phase_error_deg is None else abs(self.phase_error_deg) <= PHASE_LIMIT_DEG
+        return is_in_phase(self.phase_error_deg)
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the tool is in the part and no longer with the spindle."""
+        return self.synchronisation is Synchronisation.LOST
+
+    @property
+    def ripple_percent(self) -> float | None:
+        """Peak to peak of the spindle's speed within a turn over its mean, None where it cannot be told."""
+        return None if self.ripple is None else self.ripple.percent
 
     @property
     def fraction(self) -> float:
@@ -103,6 +122,7 @@ class CutWatch:
         self._end = end
         self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
+        self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._peak_um = 0.0
         self._held = self._over = False
         self._judged = plan.strategy is not Strategy.NONE
@@ -124,6 +144,8 @@ class CutWatch:
             stage = CutStage.CUT
             self._looks.append((angle_deg % 360.0, error_um))
             self._infeeds.append((angle_deg, infeed_um))
+            if AxisName.SPINDLE in snapshot.driven:
+                self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
         elif stage is CutStage.RUN_UP and self._looks:
             stage = CutStage.RETRACT
@@ -148,6 +170,7 @@ class CutWatch:
             z_mm = 0.0  # the carriage comes from wherever it stood; nothing of the cut is done
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
         angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
+        phase_error_deg = self._phase_error_deg()
         return CutProgress(
             stage=stage,
             holding=holding,
@@ -163,17 +186,42 @@ class CutWatch:
             tool_error_um=infeed_um - wanted_um,
             tool_error_peak_um=self._peak_um,
             following_error_um=snapshot.tool.following_error * machine.tool.count_um,
-            phase_error_deg=self._phase_error_deg(),
+            phase_error_deg=phase_error_deg,
             judged=self._judged,
+            synchronisation=self._synchronisation(snapshot, stage, speed_rpm, is_in_phase(phase_error_deg)),
+            ripple=self._ripple(),
             angles_deg=angles,
             errors_um=errors,
         )
+
+    def _synchronisation(
+        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, in_phase: bool | None
+    ) -> Synchronisation | None:
+        plan = self._plan
+        wanted_rpm = plan.spindle_speed_rpm
+        if stage is CutStage.CUT:
+            return in_part(plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, in_phase=in_phase)
+        if stage is not CutStage.RUN_UP or not snapshot.program_running:
+            return None
+        way_um = (snapshot.tool.position - plan.tool_start) * self._machine.tool.count_um
+        return before_part(
+            plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, begun=abs(way_um) > BEGUN_UM
+        )
+
+    def _ripple(self) -> SpindleRipple | None:
+        looks = np.array(self._turning, dtype=np.float64).reshape(-1, 2)
+        return spindle_ripple(looks, self._machine.spindle.counts_per_rev)
 
     def _phase_error_deg(self) -> float | None:
         return phase_error_deg(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted) if self._judged else None
 
     def _angle_deg(self, snapshot: Snapshot) -> float:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
+
+
+def is_in_phase(phase_error_deg: float | None) -> bool | None:
+    """Return whether a phase error is within its limit, None where it is not known."""
+    return None if phase_error_deg is None else abs(phase_error_deg) <= PHASE_LIMIT_DEG
 
 
 def phase_error_deg(looks: NDArray[np.float64], wanted: Sinusoid) -> float | None:

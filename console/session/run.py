@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from console.session.interlocks import of_job, of_program, refuse_unless
+from console.session.interlocks import of_job, of_program, of_zero, refuse_unless
 from console.session.sequence import CutOutcome, Shop, Step, cut_part
 from console.session.telemetry import CutFigures
 from drivers.cut import CutPlan, Strategy, plan_cut
@@ -21,12 +21,16 @@ FILTER_UPR = 50.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunPlan:
-    """What will be done, judged but not begun. `warnings` are told before anything moves."""
+    """What will be done, judged but not begun. `warnings` are told before anything moves.
+
+    There is no `reference`, the same without compensation, where the controller does not turn the spindle: only a
+    program that follows it can be cut there.
+    """
 
     job: Job
     machine: MachineProfile
     cut: CutPlan
-    reference: CutPlan
+    reference: CutPlan | None
     warnings: tuple[Problem, ...]
 
 
@@ -82,13 +86,19 @@ def plan_run(
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
-    refuse_unless(of_job(job, machine, where))
+    refuse_unless(of_job(job, machine, where), of_zero(machine, strategy, jaw_found=False))
     cut = plan_cut(job, machine, strategy, ts_ms, lease=lease)
-    reference = cut if strategy is Strategy.NONE else plan_cut(job, machine, Strategy.NONE, lease=lease)
-    refuse_unless(of_program(cut), of_program(reference))
+    reference = _reference(job, machine, cut, lease)
+    refuse_unless(*(of_program(each) for each in (cut, reference) if each is not None))
     findings = (*check(job, machine), *cut.findings)
     warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
     return RunPlan(job=job, machine=machine, cut=cut, reference=reference, warnings=warnings)
+
+
+def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> CutPlan | None:
+    if cut.strategy is Strategy.NONE:
+        return cut
+    return None if machine.spindle.followed else plan_cut(job, machine, Strategy.NONE, lease=lease)
 
 
 def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step, str], None]) -> RunResult:
@@ -100,6 +110,8 @@ def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step,
         ProblemError: what went wrong; see `cut_part`.
     """
     shop = open_shop()
+    if plan.reference is None:
+        return run_once(plan, shop, tell)
     before = cut_part(shop, plan.job, plan.reference, lambda step, detail: tell("before", step, detail))
     after = before
     if plan.cut is not plan.reference:

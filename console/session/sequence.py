@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from console.session.errors import SessionError
-from console.session.interlocks import Interlock, of_machine, refuse_unless
+from console.session.interlocks import SPEED_BAND, Interlock, at_speed, of_machine, refuse_unless
 from console.session.telemetry import CutFigures, Telemetry
 from drivers.cut import CutPlan
-from drivers.lathe import Lathe
+from drivers.errors import LinkError
+from drivers.lathe import SPEED_S, Lathe
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
@@ -23,6 +24,8 @@ from profiles.traces import Trace
 TIME_ALLOWANCE = 1.5
 EXTRA_TIME_S = 5.0
 RETRACT_BAND_COUNTS = 50.0
+TURN_TIMEOUT_S = 120.0
+STILL_RPM = 0.1
 
 
 class Step(StrEnum):
@@ -41,8 +44,9 @@ class Step(StrEnum):
 class Shop:
     """A machine with a way to clamp a new blank and to measure the part that comes off; None: the operator does.
 
-    `collisions` says what the tool has run into since that was clamped, as far as somebody can tell. `admit` is
-    called once the machine answers, before anything is written; `judge` says before the cut what is against it.
+    `collisions` says what the tool has run into since that was clamped, as far as somebody can tell. `turn` sets a
+    spindle that the controller does not turn, rpm, None is off; without it somebody else does. `admit` is called
+    once the machine answers, before anything is written; `judge` says before the cut what is against it.
     """
 
     lathe: Lathe
@@ -50,6 +54,7 @@ class Shop:
     measure: Callable[[], Trace] | None
     simulated: bool
     collisions: Callable[[], tuple[str, ...]] = tuple
+    turn: Callable[[float | None], None] | None = None
     admit: Callable[[], None] = lambda: None
     judge: Callable[[], Interlock] = lambda: Interlock(name="commissioned")
 
@@ -107,14 +112,16 @@ def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
     lathe = shop.lathe
     tell(Step.ALIGN, "")
     _align(shop, job, plan)
+    _turn(shop, job.spindle_speed_rpm)
     tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
-    refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()), shop.judge())
+    refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()), shop.judge(), at_speed(lathe, job))
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
     figures = _cut(lathe, job, plan)
     lathe.restore(plan.restore)
     refuse_unless(Interlock(name="no_table", problems=lathe.tables_left()))
     tell(Step.RETRACT, "")
     _prove_retracted(lathe, plan)
+    _turn(shop, 0.0)
     trace = None
     if shop.measure is not None:
         tell(Step.MEASURE, "")
@@ -129,8 +136,19 @@ def _align(shop: Shop, job: Job, plan: CutPlan) -> None:
     lathe.enable()
     lathe.home()
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
+    if AxisName.SPINDLE in lathe.driven:
+        lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
     lathe.jog_to(AxisName.TOOL, plan.tool_start)
+
+
+def _turn(shop: Shop, speed_rpm: float) -> None:
+    """Set a spindle that the controller does not turn, and wait for its speed; 0 is off."""
+    if shop.turn is None:
+        return
+    shop.turn(speed_rpm or None)
+    for _ in range(round(TURN_TIMEOUT_S / SPEED_S)):
+        if abs(shop.lathe.spindle_rpm() - speed_rpm) <= max(SPEED_BAND * speed_rpm, STILL_RPM):
+            return
 
 
 def _cut(lathe: Lathe, job: Job, plan: CutPlan) -> CutFigures:
@@ -164,6 +182,8 @@ def tool_clear(snapshot: Snapshot, plan: CutPlan) -> bool:
 
 def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
     """Stop, wait for rest, and return the error to raise, with what the operator must know of the machine."""
+    if isinstance(error, LinkError):
+        lathe.in_doubt()
     if lathe.stop.reason is None:
         lathe.stop.stop(error.problems[0].code)
     try:

@@ -166,6 +166,11 @@ class StationState:
         moves = self.activity in MOVING or (self.snapshot is not None and not self.snapshot.at_rest)
         return self.controls and moves
 
+    def age_s(self, now_s: float) -> float | None:
+        """Return how old any value that was read may be; None where nothing was."""
+        return None if self.snapshot is None else self.snapshot.age_s(now_s)
+
     def is_stale(self, now_s: float) -> bool:
         """Whether what is shown was seen too long ago, or will not be seen again."""
-        return self.activity is Activity.LOST or now_s - self.looked_s > STALE_S
+        age_s = self.age_s(now_s)
+        return self.activity is Activity.LOST or age_s is None or age_s > STALE_S

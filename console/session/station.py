@@ -194,9 +194,17 @@ class Station:
 
     def _look(self) -> None:
         snapshot = self._place.lathe.snapshot()
-        self._watch_ownership(snapshot)
-        faults = snapshot.axis_faults
+        self._watch_owner(snapshot)
+        self._watch_loss(snapshot)
+        if self._place.lathe.stop.hands_in and not snapshot.loops_open:
+            # It was not us: somebody else, or a PLC of the card. The stop is a control-K then.
+            raise DriverError(Problem(code="machine.energised"))
+        place = self._place
+        place.limits_seen &= snapshot.limits  # one that was left, and is met again, is news
+        faults = tuple(fault for fault in snapshot.axis_faults if fault not in place.limits_seen)
         problem = Problem(code="machine.fault", key="look", value=", ".join(faults))
+        if faults and snapshot.loops_open and self._place.state.armed is not None:
+            self._place.tell(armed=None)
         if faults and not snapshot.loops_open and self.state.controls:
             self._place.lathe.stop.stop(faults[0])
             raise DriverError(problem)
@@ -233,6 +241,8 @@ class Station:
 
     def _failed(self, error: ProblemError) -> None:
         place = self._place
+        if isinstance(error, LinkError):
+            place.lathe.in_doubt()
         place.lathe.stop.stop(error.problems[0].code)
         for problem in error.problems:
             place.alarm(problem)
@@ -313,18 +323,20 @@ class Station:
             can_retract=snapshot.loops_closed,
         )
         self._note("stopped", reason=told.reason, proven=True)
+        self._tell_faults(snapshot)
         place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
     def _guarded_look(self) -> None:
         """A look at a stopped machine; it stays stopped."""
         place = self._place
         try:
-            place.lathe.snapshot()
+            snapshot = place.lathe.snapshot()
         except DriverError as error:
             for problem in error.problems:
                 place.alarm(problem, Priority.HIGH)
             place.tell(activity=Activity.LOST)
         else:
+            self._tell_faults(snapshot)
             place.tell(activity=Activity.STOPPED)
 
     def _note(self, kind: str, **data: object) -> None:
@@ -362,15 +374,28 @@ class Station:
             place.alarm(problem)
             self._note("collision", met=kind)
 
-    def _watch_ownership(self, snapshot: Snapshot) -> None:
-        """Say once that somebody else has taken the machine, and what the card has ended without its host."""
+    def _tell_faults(self, snapshot: Snapshot) -> None:
+        """Say of a stopped machine what is wrong with it besides, each thing once."""
+        self._watch_owner(snapshot)
+        faults = snapshot.axis_faults
+        problem = Problem(code="machine.fault", key="look", value=", ".join(faults))
+        if faults and not any(alarm.problem == problem for alarm in self._place.state.alarms):
+            self._place.alarm(problem)
+
+    def _watch_owner(self, snapshot: Snapshot) -> None:
+        """Say once that somebody else has taken the machine."""
         place = self._place
-        known = {alarm.problem.code for alarm in place.state.alarms}
-        if place.state.standing is Standing.OUSTED and "owner.ousted" not in known:
+        if place.state.standing is Standing.OUSTED and not self._told("owner.ousted"):
             place.tell(armed=None)
             place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
-        if snapshot.lost and "heartbeat.lost" not in known:
-            place.alarm(lost_problem(snapshot.lost))
+
+    def _watch_loss(self, snapshot: Snapshot) -> None:
+        """Say once what the card has ended without its host; behind a stop that is settled with the stop."""
+        if snapshot.lost and not self._told("heartbeat.lost"):
+            self._place.alarm(lost_problem(snapshot.lost))
+
+    def _told(self, code: str) -> bool:
+        return any(alarm.problem.code == code for alarm in self._place.state.alarms)
 
     def _watch_phase(self) -> None:
         """Say once for each cut that tool and lobe are not in phase."""

@@ -44,7 +44,8 @@ class Workplace:
     """Everything that one order needs. `state` is replaced by `tell`, from whatever thread.
 
     `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
-    goes on; `hold_asked` is set by the operator, `holding` when it has been passed on.
+    goes on; `limits_seen` are the travel limits on which the machine stood when the operator went on after a stop:
+    it may be jogged off them. `hold_asked` is set by the operator, `holding` when it has been passed on.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class Workplace:
         self.started: Armed | None = None
         self.record: RunRecord | None = None
         self.seen: Callable[[Snapshot], None] | None = None
+        self.limits_seen: frozenset[str] = frozenset()
         self.hold_asked = False
         self.holding = False
         self._lock = threading.Lock()

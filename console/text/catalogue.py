@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 from profiles.problem import Problem
@@ -43,6 +44,7 @@ class Catalogue:
         return self._entries.get(f"word.{fact}", fact)
 
 
+@cache
 def load(language: str) -> Catalogue:
     """Read the catalogue of a language in `LANGUAGES`: all files of its folder, each key in one of them."""
     entries: dict[str, str] = {}

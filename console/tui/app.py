@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
@@ -118,6 +119,7 @@ class ConsoleApp(App[None]):
         self._help_list = 0
         self._asked_over_s = float("-inf")
         self._held = HeldKeys()
+        self._collector_spared = False
         self._previewer = Previewer()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._help = Sheet(palette, id="help")
@@ -158,6 +160,7 @@ class ConsoleApp(App[None]):
         desk = self.desk
         desk.control.beat()
         state = desk.control.state
+        self._spare_the_stop(state.may_move)
         desk.forget_stale_answer(state)
         if desk.work is not None and self._wants_preview(state.alignment.settings is not None):
             desk.work = self._previewer.refreshed(desk.work, state.alignment)
@@ -171,6 +174,18 @@ class ConsoleApp(App[None]):
             self._safely(lambda: page.show(view))
         self.field_kind = page.field
         self._safely(lambda: self._show_rows(page, view))
+
+    def _spare_the_stop(self, may_move: bool) -> None:
+        """While something moves, let the collector look at new objects alone.
+
+        A full collection of what a preview leaves behind takes a tenth of a second, in which no key is heard.
+        """
+        if may_move is not self._collector_spared:
+            self._collector_spared = may_move
+            if may_move:
+                gc.freeze()
+            else:
+                gc.unfreeze()
 
     def go(self, name: PageName) -> None:
         """Show another page."""

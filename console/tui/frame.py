@@ -45,9 +45,9 @@ def state_row(frame: Frame, width: int) -> Line:
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT
     activity = text(f"activity.{state.activity}")
-    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.in_phase is not None:
-        phase = text("frame.in_sync") if state.cut.in_phase else text("frame.out_of_phase")
-        activity = f"{activity} · {phase}"
+    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
+        activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
+        token = Token.WARNING if state.cut.is_lost else token
     if _looks_on(state):
         activity, token = text("frame.looks_on", holder=state.holder), Token.WARNING
     left = (*head, (f"{state.machine} · ", Token.DIM), (activity, token))
@@ -62,10 +62,10 @@ def _looks_on(state: StationState) -> bool:
 def _age(frame: Frame) -> Line:
     """How long the last look took, or how long ago it was."""
     state = frame.state
-    if state.snapshot is None:
+    age_s = state.age_s(frame.now_s)
+    if age_s is None:
         return (dim(frame.text("frame.no_link")),)
     if state.is_stale(frame.now_s):
-        age_s = frame.now_s - state.looked_s
         return ((frame.text("frame.stale", age=f"{age_s:.0f}"), Token.WARNING),)
     return (dim(frame.text("frame.link", ms=f"{state.round_trip_ms:.0f}")),)
 

@@ -15,6 +15,9 @@ from profiles.problem import Problem
 
 SWITCH = "I51"
 
+PARTS = 32
+"""The register holds 1/(Ix08 x 32) count."""
+
 
 def table_problems(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
     """Return what keeps a cut from being loaded: tables that are on, or a correction that was left behind.
@@ -31,6 +34,17 @@ def table_problems(client: PmacClient, machine: MachineProfile, dialect: Dialect
         key = correction_register(machine)
         problems.append(Problem(code="cut.table_holds", key=key, value=format_number(held), limit="0"))
     return tuple(problems)
+
+
+def correction_counts(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> float:
+    """Return what a table adds to the tool now, counts: its position is told with that in it.
+
+    Raises:
+        DriverError: the link broke, or the controller refused to answer.
+    """
+    client.request(register_definition(machine, dialect))
+    scale, held = client.numbers(f"I{dialect.motor_index(machine.tool.motor, 8)}", correction_register(machine))
+    return held / (PARTS * scale)
 
 
 def switch_off(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:

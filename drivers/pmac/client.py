@@ -198,13 +198,13 @@ class PmacClient:
             self._exchange.resynchronise(timeout_s)  # over a link that is gone, this tells so
         return self.request(line, timeout_s, lines=lines)
 
-    def numbers(self, *items: str, again: bool = False) -> tuple[float, ...]:
+    def numbers(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[float, ...]:
         """Ask for numbers.
 
         Raises:
             LinkError: `link.out_of_step`, a value is no number.
         """
-        values = self.query(*items, again=again)
+        values = self.query(*items, timeout_s=timeout_s, again=again)
         try:
             return tuple(number_of(value) for value in values)
         except ValueError as error:

@@ -20,7 +20,7 @@ from profiles.problem import Problem
 FLUSH = b"\x18"
 
 REPLY_TIMEOUT_S = 2.0
-QUIET_S = 0.1
+QUIET_S = 0.06
 """So long nothing comes in the middle of a reply that is on its way."""
 
 DRAIN_LIMIT_S = 2.0

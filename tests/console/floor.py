@@ -28,7 +28,7 @@ from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.true_parameters import as_mounted
+from drivers.simulator.plant.true_parameters import PLANTS
 from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import StopPath
 from profiles.job import Job
@@ -98,10 +98,10 @@ class Floor:
         self.looks.append(look)
 
 
-def open_floor(records: Path, seed: int = 1) -> Floor:
+def open_floor(records: Path, seed: int = 1, plant: str = "mounted") -> Floor:
     """A station on a machine whose chuck and tool were mounted by chance; connected and verified."""
     machine = load_machine("lee-2001-lathe")
-    sim = SimulatedLathe(machine.machine, as_mounted(machine.machine, random.Random(seed)))
+    sim = SimulatedLathe(machine.machine, PLANTS[plant](machine.machine, random.Random(seed)))
     link = MemoryLink(sim.connect(), sim)
     stop = StopPath(link)
     made: list[Floor] = []

@@ -459,7 +459,7 @@ def test_of_a_machine_that_is_lost_in_motion_nothing_is_known_but_it_may_move(
     aligned.when(lambda _: in_the_part(aligned), unplug)
     state = aligned.do(Start())
     assert state.activity is Activity.LOST
-    assert state.may_move and not state.moving and state.is_stale(state.looked_s)
+    assert state.may_move and not state.moving and state.is_stale(state.at_s)
 
 
 def test_a_fault_of_the_console_stops_the_machine_and_leaves_the_thread_alive(aligned: Floor) -> None:

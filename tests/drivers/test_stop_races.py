@@ -126,7 +126,7 @@ def test_the_stop_is_repeated_at_five_hertz_while_no_reply_comes(bench: Bench) -
     assert seconds >= 15.0
     gaps = [later[0] - earlier[0] for earlier, later in zip(link.urgent, link.urgent[1:], strict=False)]
     assert max(gaps) <= 0.25
-    assert [data for _, data in link.urgent[:3]] == [b"\x01", b"\x01", b"\x0b"]
+    assert [data for _, data in link.urgent[:3]] == [b"\x01", b"\x0b", b"\x0b"]
     assert {data for _, data in link.urgent[2:]} == {b"\x0b"}, "an unknown state is killed"
 
 

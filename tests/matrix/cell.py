@@ -29,8 +29,8 @@ JITTER = {name: counts for name, counts in zip(MOTORS, (5.0, 20.0, 5.0), strict=
 
 READ_COUNTS = 1.0
 
-STOP_GAP_S = 0.26
-"""Between two repetitions of a stop that is not proven: 0.2 s, the look in between, and a background cycle."""
+STOP_GAP_S = 0.29
+"""Between two repetitions of a stop that is not proven: 0.2 s, or a try to come back in step with an open buffer."""
 
 
 NO_ANSWER = {"link.silent", "link.out_of_step", "link.not_in_step"}

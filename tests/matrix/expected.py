@@ -32,7 +32,7 @@ SILENT = f"stopped, ^K: {NO_ANSWER}"
 SILENT_LINE = f"stopped, ^K: {NO_ANSWER} {UNKNOWN}"
 SILENT_CUT = f"{SILENT} or {LAPSED}"
 LOST = f"lost, ^K: {NO_ANSWER} machine.not_at_rest"
-LOST_LINE = f"lost, ^K: {NO_ANSWER} {UNKNOWN} controller.buffer_may_be_open machine.not_at_rest"
+LOST_LINE = f"lost, ^K: {NO_ANSWER} {UNKNOWN} link.not_in_step controller.buffer_may_be_open machine.not_at_rest"
 LOST_STOPPING = "lost, ^A ^K: machine.not_at_rest"
 GONE = "lost, ^K: link.lost"
 GONE_LINE = f"lost, ^K: link.lost {UNKNOWN} controller.buffer_may_be_open"
@@ -46,6 +46,7 @@ UNHARMED = (SAME,) * len(Situation)
 MUTE = (LOST, LOST, LOST, LOST, LOST_LINE, LOST, LOST, LOST_STOPPING)
 LATE = (SAME, SAME, LAPSED, LAPSED, SAME, SAME, LAPSED, ABORTED_IN_DOUBT)
 NO_INDEX = (SAME, SAME, SAME, TIMEOUT, SAME, SAME, SAME, SAME)
+NO_INDEX_BEFORE_A_LIMIT = (SAME, SAME, SAME, f"{TIMEOUT} machine.fault", SAME, SAME, SAME, SAME)
 TRIPPED = (SAME, *(FAULT_K,) * 6, "stopped, ^A (^K): machine.fault")
 AT_A_LIMIT = (SAME, *(FAULT_A,) * 7)
 SET_OTHERWISE = (SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME, SAME, SAME)
@@ -66,8 +67,9 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "extra-line, 1 s": LONGER,
     "nul, 1 s": LONGER,
     "bare-bel, 1 s": LONGER,
+    # One answer that is late is as one that is lost.
+    "late-reply, 500 ms, once": (SAME, SAME, SAME, SAME, SAME, SAME, SAME, ABORTED_IN_DOUBT),
     # Longer than a lease: what moves is ended by the card. Shorter than what a line of a program may take.
-    "late-reply, 500 ms, once": LATE,
     "late-reply, 500 ms, for 2 s": (SILENT, SILENT, SILENT, SILENT, SAME, SILENT, SILENT_CUT, ABORTED_IN_DOUBT),
     # Slow, but sound: nothing is lost by it, and a stop is a stop.
     "late-reply, 150 ms, each": UNHARMED,
@@ -83,9 +85,9 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "encoder-loss, spindle": (SAME, SAME, SAME, FAULT_K, SAME, SAME, FAULT_K, SAME),
     # The rest of this cut is 0.4 mm of Z, and the fatal following error 1 mm: it never arrives, and does not trip.
     "encoder-loss, carriage": (SAME, SAME, FAULT_K, FAULT_K, SAME, SAME, TIMEOUT, SAME),
-    "index-lost, tool": NO_INDEX,
+    "index-lost, tool": NO_INDEX_BEFORE_A_LIMIT,
     "index-lost, spindle": NO_INDEX,
-    "index-lost, carriage": NO_INDEX,
+    "index-lost, carriage": NO_INDEX_BEFORE_A_LIMIT,
     # The fault input is not looked at while an amplifier is off.
     "amplifier-fault, tool": TRIPPED,
     "amplifier-fault, spindle": TRIPPED,
@@ -115,7 +117,11 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
         *("ready, lines: cut.out_of_phase", SAME),
     ),
     "stranger-writes, a limit": SET_OTHERWISE,
-    "stranger-writes, no PLCs": SET_OTHERWISE,
+    # The axis that is being homed comes to its end; the next one is not begun.
+    "stranger-writes, no PLCs": (
+        *(SAME, SAME, SAME, "ready, renewals: heartbeat.plcs_forbidden"),
+        *(NOT_AS_IT_WAS, SAME, SAME, SAME),
+    ),
     # As a lost reply: the settings of the line are made again.
     "stranger-writes, the handshake": ONCE,
     "stranger-writes, an open buffer": UNHARMED,

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from console.session import cutting
-from drivers import lathe
+from drivers import resting
 from drivers.simulator.faults.catalogue import CATALOGUE
 from tests.matrix.cell import run_cell
 from tests.matrix.expected import TABLE
@@ -34,7 +34,7 @@ PATIENCE_S = 20.0
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, and wait no longer than for that spindle."""
     monkeypatch.setattr(cutting, "plan_cut", planned_once)
-    monkeypatch.setattr(lathe, "COAST_TIMEOUT_S", PATIENCE_S)
+    monkeypatch.setattr(resting, "COAST_TIMEOUT_S", PATIENCE_S)
 
 
 @pytest.mark.parametrize("situation", Situation, ids=lambda each: each.value.replace(" ", "-"))

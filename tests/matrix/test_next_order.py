@@ -16,10 +16,6 @@ from tests.matrix.truth import MOTORS
 
 JOG = Jog(axis=AxisName.CARRIAGE, distance=1.0)
 
-MOVES_FIRST = pytest.mark.xfail(reason="the way to the start is gone before settings are compared", strict=True)
-UNGUARDED = pytest.mark.xfail(reason="the heartbeat is looked at when drives are switched on alone", strict=True)
-UNREAD = pytest.mark.xfail(reason="the program is not read again between arming and start", strict=True)
-
 
 def refusals(situation: Situation, order: Intent, line: str, records: Path) -> tuple[str, ...]:
     """Give an order after a stranger's line; return why it is refused. Nothing may have moved."""
@@ -39,16 +35,14 @@ def refusals(situation: Situation, order: Intent, line: str, records: Path) -> t
 @pytest.mark.parametrize(
     ("situation", "order", "line", "code"),
     [
-        pytest.param(Situation.ARMED, Start(), "P1000=7", "owner.observer"),
-        pytest.param(Situation.IDLE, JOG, "P1000=7", "owner.observer"),
-        pytest.param(Situation.ARMED, Start(), "I130=264", "controller.setting", marks=MOVES_FIRST),
-        pytest.param(Situation.ARMED, Start(), "I113=400000", "controller.setting", marks=MOVES_FIRST),
-        pytest.param(
-            Situation.ARMED, Start(), "OPEN PROG 2 CLEAR X0 CLOSE", "controller.program_differs", marks=UNREAD
-        ),
-        pytest.param(Situation.ARMED, Start(), "DISABLE PLC20", "heartbeat.plc_silent", marks=UNGUARDED),
-        pytest.param(Situation.IDLE, JOG, "DISABLE PLC20", "heartbeat.plc_silent", marks=UNGUARDED),
-        pytest.param(Situation.IDLE, JOG, "I5=0", "heartbeat.plcs_forbidden", marks=UNGUARDED),
+        (Situation.ARMED, Start(), "P1000=7", "owner.observer"),
+        (Situation.IDLE, JOG, "P1000=7", "owner.observer"),
+        (Situation.ARMED, Start(), "I130=264", "controller.setting"),
+        (Situation.ARMED, Start(), "I113=400000", "controller.setting"),
+        (Situation.ARMED, Start(), "OPEN PROG 2 CLEAR X0 CLOSE", "controller.program_differs"),
+        (Situation.ARMED, Start(), "DISABLE PLC20", "heartbeat.plc_silent"),
+        (Situation.IDLE, JOG, "DISABLE PLC20", "heartbeat.plc_silent"),
+        (Situation.IDLE, JOG, "I5=0", "heartbeat.plcs_forbidden"),
     ],
 )
 def test_after_a_stranger_the_next_motion_is_refused(

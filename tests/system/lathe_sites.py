@@ -45,13 +45,18 @@ class Site:
     seen: list[Callable[[Snapshot], None]]
 
 
-def compact(family: str) -> MachineProfile:
-    """A bundled lathe with short ways: 2 mm of tool, 9 mm of carriage."""
+def compact_text(family: str) -> str:
+    """The profile of a bundled lathe with short ways: 2 mm of tool, 9 mm of carriage."""
     text = load_machine(MACHINES[family]).path.read_text(encoding="utf-8")
     for there, here in _CLOSE_TOGETHER.items():
         assert text.count(there) == 1, there
         text = text.replace(there, here)
-    return machine_from_table(tomllib.loads(text))
+    return text
+
+
+def compact(family: str) -> MachineProfile:
+    """That lathe."""
+    return machine_from_table(tomllib.loads(compact_text(family)))
 
 
 def build(link: Link, clock: Clock, machine: MachineProfile) -> Site:

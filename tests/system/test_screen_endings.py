@@ -206,7 +206,7 @@ def test_a_line_that_stalls_in_mid_cut_stops_the_machine_and_is_told_when_it_run
         trainee = console_at(terminal)
         trainee.aligns()
         trainee.starts_the_cut()
-        trainee.sees("frame.in_sync", 30.0)
+        trainee.sees("frame.sync.in_sync", 30.0)
         terminal.stall()
         # The screen waits for the line, and the machine must not.
         terminal.press(*MORE_THAN_THE_LINE_HOLDS)

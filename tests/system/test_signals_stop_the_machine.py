@@ -64,9 +64,10 @@ def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
     assert number.name in content
 
 
-def test_a_signal_before_anything_moves_ends_with_one_line(long_job: Path, tmp_path: Path) -> None:
+def test_a_signal_before_anything_moves_ends_with_one_line(tmp_path: Path) -> None:
+    job = profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml"
     with subprocess.Popen(
-        command(long_job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command(job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
         process.stdout.readline()

@@ -24,7 +24,7 @@ def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
         trainee.opens_the_first_job()
         trainee.aligns()
         trainee.starts_the_cut()
-        trainee.sees("frame.in_sync", 30.0)
+        trainee.sees("frame.sync.in_sync", 30.0)
         terminal.press("space")
         trainee.sees("frame.recover")
         terminal.press("f2")

@@ -43,7 +43,6 @@ def look(
 def state(alignment: Alignment = NO_JAW, **changes: Any) -> StationState:
     known: dict[str, Any] = {
         "activity": Activity.READY,
-        "looked_s": 100.0,
         "snapshot": look(),
         "seen": FAR,
     }

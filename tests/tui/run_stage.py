@@ -13,12 +13,15 @@ import numpy as np
 
 from console.session.alignment import Alignment
 from console.session.progress import CutProgress, CutStage
+from console.session.ripple import SpindleRipple
 from console.session.state import Activity, StationState, StopState
+from console.session.synchronisation import Synchronisation
 from console.session.telemetry import CutFigures
 from console.session.work import Work
 from console.tui.desk import View
 from console.tui.pages.run import RunPage
 from drivers.snapshot import Snapshot
+from profiles.machine import SAFETY_DEVICES
 from tests.tui.machine_states import ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
 from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
@@ -27,6 +30,8 @@ OFF = REST | {"open_loop", "home_complete"}
 VALID = aligned(76.0)
 SURFACE_COUNTS = 250_000.0
 """50 mm in from a zero at 76 mm: the radius of the part, 26 mm."""
+
+GUARDS = dict.fromkeys(SAFETY_DEVICES, True)
 
 FIGURES = CutFigures(
     spindle_speed_rpm=1000.04,
@@ -55,7 +60,7 @@ def look(
 
 
 def state(alignment: Alignment = VALID, **changes: Any) -> StationState:
-    known: dict[str, Any] = {"activity": Activity.READY, "looked_s": 100.0, "snapshot": look()}
+    known: dict[str, Any] = {"activity": Activity.READY, "snapshot": look()}
     return StationState(alignment=alignment, **{**known, **changes})
 
 
@@ -77,6 +82,8 @@ def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
         "tool_error_peak_um": 1.4,
         "following_error_um": 12.3,
         "phase_error_deg": 0.08,
+        "synchronisation": Synchronisation.IN_SYNC,
+        "ripple": SpindleRipple(0.18, 0.61),
         "angles_deg": angles_deg,
         "errors_um": 0.5 * np.sin(np.radians(3.0 * angles_deg)),
     }
@@ -102,16 +109,28 @@ STATES = {
     "not aligned": state(Alignment()),
     "cutting": cutting(),
     "nothing seen yet": cutting(
-        stage=CutStage.POSITION, phase_error_deg=None, angles_deg=np.empty(0), errors_um=np.empty(0)
+        stage=CutStage.POSITION,
+        phase_error_deg=None,
+        synchronisation=None,
+        ripple=None,
+        angles_deg=np.empty(0),
+        errors_um=np.empty(0),
     ),
     "done": state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True),
     "held": state(cut=cut(CutStage.HELD)),
-    "going to the start": state(activity=Activity.POSITIONING, cut=cut(CutStage.POSITION, phase_error_deg=None)),
-    "not judged": cutting(judged=False, phase_error_deg=None),
+    "queued": cutting(stage=CutStage.RUN_UP, phase_error_deg=None, synchronisation=Synchronisation.QUEUED),
+    "waiting": cutting(stage=CutStage.RUN_UP, phase_error_deg=None, synchronisation=Synchronisation.WAITING),
+    "sync lost": cutting(phase_error_deg=-1.4, synchronisation=Synchronisation.LOST),
+    "guarded": replace(cutting(), snapshot=replace(look(running=True), inputs=GUARDS)),
+    "guards open": state(snapshot=replace(look(), inputs=dict.fromkeys(GUARDS, False))),
+    "going to the start": state(
+        activity=Activity.POSITIONING, cut=cut(CutStage.POSITION, phase_error_deg=None, synchronisation=None)
+    ),
+    "not judged": cutting(judged=False, phase_error_deg=None, synchronisation=None),
     "stopping": stopped(rest_s=None),
     "stop not delivered": stopped(rest_s=None, delivered=False),
     "stop on the way to the start": replace(stopped(tool_in_part=False, of_cut=False), cut=cut(CutStage.POSITION)),
-    "lost": replace(stopped(rest_s=None, delivered=False), activity=Activity.LOST, looked_s=88.0),
+    "lost": replace(stopped(rest_s=None, delivered=False), activity=Activity.LOST, snapshot=look(at_s=88.0)),
     "never found": StationState(activity=Activity.LOST),
     "stopped in the part": stopped(tool_in_part=True, can_retract=True),
     "killed in the part": stopped(tool_in_part=True, killed=True),

@@ -19,7 +19,9 @@ from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff, a
 from console.session.paths import jobs_folder
 from console.session.preview import Preview, preview
 from console.session.progress import CutProgress, CutStage
+from console.session.ripple import SpindleRipple
 from console.session.state import Activity, MeasuredPart, StationState
+from console.session.synchronisation import Synchronisation
 from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
@@ -116,7 +118,6 @@ def machine(activity: Activity) -> StationState:
         machine=MACHINE,
         controller="Turbo PMAC (simulated)",
         at_s=NOW_S,
-        looked_s=NOW_S,
         round_trip_ms=4.3,
         snapshot=snapshot,
     )
@@ -142,6 +143,8 @@ def cut() -> CutProgress:
         tool_error_peak_um=1.423,
         following_error_um=12.34,
         phase_error_deg=0.083,
+        synchronisation=Synchronisation.IN_SYNC,
+        ripple=SpindleRipple(0.183, 0.612),
         angles_deg=angles_deg,
         errors_um=waves,
     )

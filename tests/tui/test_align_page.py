@@ -111,7 +111,7 @@ def test_the_touch_off_moves_the_radius() -> None:
 
 
 def test_old_values_say_their_age() -> None:
-    assert "STALE: last look 3 s ago" in shown(state(looked_s=97.0)).text
+    assert "STALE: last look 3 s ago" in shown(state(snapshot=replace(look(), asked_s=97.0))).text
     assert "STALE" not in shown(state()).text
 
 

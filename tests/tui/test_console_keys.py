@@ -124,7 +124,7 @@ def test_an_answer_goes_with_the_state_that_it_speaks_of(
     console = pressed(tmp_path, run_stage.state(), page, (0.0, key))
     assert console.said == [code]
     desk = console.app.desk
-    desk.forget_stale_answer(replace(console.control.state, looked_s=101.0))
+    desk.forget_stale_answer(replace(console.control.state, at_s=101.0))
     assert console.said == [code]
     changes = {"armed": armed()} if "armed" in later else later
     desk.forget_stale_answer(replace(console.control.state, **changes))

@@ -10,6 +10,7 @@ import pytest
 from console.session.alarms import Priority, acknowledged, raised
 from console.session.collisions import collision_problems
 from console.session.state import Activity, StationState, StopState
+from console.session.synchronisation import Synchronisation
 from console.text.catalogue import load
 from console.tui.app import ROWS
 from console.tui.frame import Frame, alarm_row, keys_row, next_row, spindle_stop_s, state_row, stop_row
@@ -17,10 +18,12 @@ from console.tui.gate import FieldKind
 from console.tui.help import LISTS, help_lines
 from console.tui.keymap import PageName, actions_of
 from console.tui.lines import line, plain, width_of
+from console.tui.theme import Token
 from drivers.simulator.plant.collision import CollisionKind
 from drivers.snapshot import AxisState, Snapshot
 from profiles.problem import Problem
 from profiles.store import load_machine
+from tests.tui.run_stage import cutting
 
 MACHINE = load_machine("lee-2001-lathe").machine
 REST = frozenset({"amplifier_enabled", "desired_velocity_zero", "in_position", "home_complete"})
@@ -28,9 +31,7 @@ AXIS = AxisState(position=0.0, following_error=0.0, flags=REST)
 LOOK = Snapshot(
     asked_s=10.0, at_s=10.0, tool=AXIS, spindle=AXIS, carriage=AXIS, program_running=False, runtime_error=False
 )
-READY = StationState(
-    activity=Activity.READY, machine="lee-2001-lathe", snapshot=LOOK, looked_s=10.0, round_trip_ms=4.4
-)
+READY = StationState(activity=Activity.READY, machine="lee-2001-lathe", snapshot=LOOK, round_trip_ms=4.4)
 STOPPED = replace(
     READY,
     activity=Activity.STOPPED,
@@ -71,6 +72,19 @@ def test_sim_is_the_first_word_on_the_screen() -> None:
 def test_an_old_look_says_how_old_it_is() -> None:
     assert "link 4 ms" in plain([state_row(frame(), 80)])
     assert "OLD, 3 s" in plain([state_row(frame(now_s=13.0), 80)])
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("together", Synchronisation)
+def test_in_a_cut_the_first_row_tells_how_tool_and_spindle_are_together(
+    together: Synchronisation, language: str
+) -> None:
+    row = state_row(frame(cutting(synchronisation=together), language), 80)
+    words = load(language)(f"frame.sync.{together}")
+    (token,) = (token for piece, token in row if piece.endswith(f" · {words}"))
+    assert (token is Token.WARNING) == (together is Synchronisation.LOST)
+    nothing = plain([state_row(frame(cutting(synchronisation=None)), 80)])
+    assert "CUTTING  " in nothing
 
 
 def test_an_alarm_stays_before_everything_else_until_it_was_seen() -> None:

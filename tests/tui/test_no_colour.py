@@ -114,11 +114,12 @@ def alarmed(state: StationState) -> StationState:
 
 
 def stale(state: StationState) -> StationState:
-    return replace(state, looked_s=NOW_S - 3.0)
+    assert state.snapshot is not None
+    return replace(state, snapshot=replace(state.snapshot, asked_s=NOW_S - 3.0))
 
 
 def lost(state: StationState) -> StationState:
-    return replace(state, activity=Activity.LOST, looked_s=NOW_S - 3.0)
+    return replace(stale(state), activity=Activity.LOST)
 
 
 STATES: dict[Callable[[StationState], StationState], tuple[str, ...]] = {

@@ -13,11 +13,15 @@ from console.session.intents import Arm, Disarm, Hold, Start
 from console.session.progress import PHASE_LIMIT_DEG, CutStage
 from console.session.state import Activity, Armed, StationState
 from console.session.work import edited, with_strategy
+from console.text.catalogue import load
+from console.tui.lines import plain
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
+from console.tui.pages.input_lines import input_lines
 from drivers.cut import Strategy, plan_cut
 from tests.tui.machine_states import ON
 from tests.tui.run_stage import (
     FIGURES,
+    GUARDS,
     OFF,
     STATES,
     VALID,
@@ -148,6 +152,47 @@ def test_the_cut_shows_its_values_with_units() -> None:
 def test_out_of_phase_is_a_word() -> None:
     assert "OUT -1.40 °" in shown(cutting(phase_error_deg=-1.4)).text
     assert "OUT" not in shown(cutting()).text
+
+
+@pytest.mark.parametrize(
+    ("now", "words"),
+    [
+        (STATES["queued"], "synchronised               queued"),
+        (STATES["waiting"], "waits for the index"),
+        (STATES["cutting"], "in sync"),
+        (STATES["sync lost"], "! SYNC LOST"),
+        (STATES["nothing seen yet"], "synchronised                    –"),
+    ],
+)
+def test_how_tool_and_spindle_are_together_is_a_row(now: StationState, words: str) -> None:
+    assert words in shown(now).text
+
+
+def test_how_evenly_the_spindle_turns_is_told_with_its_bound() -> None:
+    assert "ripple, p-p      0.18 ± 0.61 %" in shown(cutting()).text
+    assert "ripple, p-p                  –" in shown(cutting(ripple=None)).text
+
+
+def test_the_values_say_how_old_they_may_be() -> None:
+    """Of a look that was asked for 0.23 s ago each value may be that old."""
+    assert "Now, at most 0.1 s old" in shown(cutting()).text
+    old = replace(cutting(), snapshot=replace(look(running=True), asked_s=99.77, at_s=99.9))
+    assert "Now, at most 0.3 s old" in shown(old).text
+
+
+@pytest.mark.parametrize("now", [state(), cutting()], ids=["before", "cutting"])
+def test_what_the_controller_sees_of_the_safety_devices_is_shown(now: StationState) -> None:
+    assert now.snapshot is not None
+    assert not any(words in shown(now, size=(100, 30)).text for words in ("guard", "chuck closed"))
+    seen = replace(now, snapshot=replace(now.snapshot, inputs={"chuck_closed": True, "guard": False}))
+    assert "✗ guard  ✓ chuck closed" in shown(seen, size=(100, 30)).text
+
+
+def test_in_little_room_what_is_not_well_stays() -> None:
+    text, snapshot = load("en"), replace(look(), inputs={**GUARDS, "spindle_permit": False})
+    assert len(input_lines(text, snapshot, 40, 9)) > 1
+    assert plain(input_lines(text, snapshot, 40, 1)) == "✗ spindle permit"
+    assert input_lines(text, snapshot, 40, 0) == []
 
 
 def test_the_plots_follow_the_looks() -> None:

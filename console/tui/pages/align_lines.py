@@ -122,9 +122,9 @@ def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
 
 
 def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int) -> Line:
-    if state.snapshot is None:
+    age_s = state.age_s(now_s)
+    if state.snapshot is None or age_s is None:
         return (dim(fitted(text("align_page.nothing_known"), width)),)
-    age_s = now_s - state.looked_s
     if state.is_stale(now_s):
         return ((fitted("! " + text("align_page.stale", age=f"{age_s:.0f} s"), width), Token.WARNING),)
     if state.snapshot.loops_closed:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from console.session.progress import PHASE_LIMIT_DEG, CutProgress, CutStage
+from console.session.ripple import SpindleRipple
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
 from console.tui.plot.scale import nice_limits
@@ -54,6 +57,13 @@ def bar(fraction: float, cells: int) -> str:
     return "■" * full + "□" * (cells - full)
 
 
+def values_title(text: Catalogue, age_s: float | None) -> str:
+    """Return the title of the values of one moment, with how old any of them may be, whole tenths of a second."""
+    if age_s is None:
+        return text("run_page.values")
+    return text("run_page.values_age", age=f"{max(math.ceil(10.0 * age_s), 1) / 10.0:.1f}")
+
+
 def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -> list[Line]:
     """Return the values of one moment. Only in the part is there a path that the tool should keep to."""
     in_part = cut.judged and cut.stage is CutStage.CUT
@@ -70,15 +80,34 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     return [
         fact(text("run_page.live.stage"), shown, width, label_width=LABEL_WIDTH, token=Token.STRONG),
         row("speed", NOTHING if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
+        row("ripple", _ripple(cut.ripple)),
         row("lobe", lobe_hz),
         row("tool", f"R {cut.tool_radius_mm:.4f} mm"),
         row("wanted", f"R {wanted_mm:.4f} mm" if in_part else NOTHING),
         row("error", f"{cut.tool_error_um:+.2f} um" if in_part else NOTHING),
         row("peak", f"{cut.tool_error_peak_um:.2f} um" if has_peak else NOTHING),
         row("following", f"{cut.following_error_um:+.2f} um"),
-        BLANK,
-        *(phase_lines(text, cut.phase_error_deg, width) if cut.judged else _not_judged(text, width)),
+        *(_together_lines(text, cut, width) if cut.judged else [BLANK, *_not_judged(text, width)]),
     ]
+
+
+def _ripple(ripple: SpindleRipple | None) -> str:
+    """Write the ripple with its bound; what may be none at all is only known to be less than something."""
+    if ripple is None:
+        return NOTHING
+    if ripple.percent <= ripple.within_percent:
+        return f"< {ripple.percent + ripple.within_percent:.2f} %"
+    return f"{ripple.percent:.2f} ± {ripple.within_percent:.2f} %"
+
+
+def _together_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
+    """Return how tool and spindle are together, and by how much they are not."""
+    label = text("run_page.live.sync")
+    shown = NOTHING if cut.synchronisation is None else text(f"frame.sync.{cut.synchronisation}")
+    token = Token.WARNING if cut.is_lost else Token.STRONG
+    value = f"! {shown}" if cut.is_lost else shown
+    together = fact(label, value, width, label_width=LABEL_WIDTH, token=token)
+    return [together, *phase_lines(text, cut.phase_error_deg, width)]
 
 
 def phase_lines(text: Catalogue, phase_deg: float | None, width: int) -> list[Line]:

@@ -22,7 +22,8 @@ from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, line, wrapped
 from console.tui.page import Page
-from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line
+from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line, values_title
+from console.tui.pages.input_lines import input_lines
 from console.tui.pages.run_lines import (
     after_lines,
     check_lines,
@@ -131,7 +132,6 @@ class RunPage(Page):
         self._waits_for_room = False
         text = desk.text
         self._progress.border_title = text("run_page.cut")
-        self._values.border_title = text("run_page.values")
         self._errors.border_title = text("run_page.errors")
 
     def compose(self) -> ComposeResult:
@@ -296,7 +296,9 @@ class RunPage(Page):
         moves: list[Line] = []
         if state.armed is not None:
             moves = [*moves_lines(text, state.armed, machine, size.width), BLANK]
-        self._left.show([*moves, *check_lines(text, found, size.width, size.height - len(moves))])
+        inputs = input_lines(text, state.snapshot, size.width, size.height - len(moves))
+        room = size.height - len(moves) - len(inputs)
+        self._left.show([*moves, *check_lines(text, found, size.width, room), *inputs])
         width = self._right.size.width
         if work is None:
             self._right.show(wrapped(text("run_page.no_job"), width))
@@ -310,7 +312,13 @@ class RunPage(Page):
         text = self.desk.text
         job = None if view.work is None else view.work.job
         self._progress.show([progress_line(text, cut, self._progress.size.width)])
-        self._values.show(live_lines(text, cut, job, min(self._values.size.width, WIDEST_FACT)))
+        size, snapshot = self._values.size, view.state.snapshot
+        width = min(size.width, WIDEST_FACT)
+        rows = live_lines(text, cut, job, width)
+        self._values.show([*rows, *input_lines(text, snapshot, width, size.height - len(rows))])
+        title = values_title(text, view.state.age_s(view.now_s))
+        if self._values.border_title != title:
+            self._values.border_title = title
         if cut is self._drawn:
             return
         self._drawn = cut
@@ -355,8 +363,10 @@ class RunPage(Page):
         width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
         job = None if view.work is None else view.work.job
         self._right.show([line(dim(NOTHING))] if cut is None else stale(live_lines(text, cut, job, width)))
-        age = f"{max(view.now_s - state.looked_s, 0.0):.0f}"
-        right = text("run_page.values") if cut is None else text("run_page.old_values", age=age)
+        age_s = state.age_s(view.now_s)
+        right = text("run_page.values")
+        if cut is not None and age_s is not None:
+            right = text("run_page.old_values", age=f"{age_s:.0f}")
         self._titled(text("run_page.lost.title"), right)
 
     def _titled(self, left: str, right: str) -> None:

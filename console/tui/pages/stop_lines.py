@@ -62,9 +62,10 @@ def spindle_line(text: Catalogue, speed_rpm: float | None, width: int) -> Line:
 def lost_lines(text: Catalogue, state: StationState, now_s: float, width: int) -> list[Line]:
     """Return that nothing is known any more, since when, and what to do."""
     rows = [] if state.stop is None else _not_delivered(text, state.stop, width)
-    if state.snapshot is None:
+    age_s = state.age_s(now_s)
+    if age_s is None:
         return [*rows, *wrapped(text("run_page.lost.never"), width, Token.WARNING)]
-    age = text("run_page.lost.age", age=f"{max(now_s - state.looked_s, 0.0):.0f}")
+    age = text("run_page.lost.age", age=f"{age_s:.0f}")
     remedy = text("run_page.lost.remedy")
     return [*rows, *wrapped(age, width, Token.WARNING), BLANK, *wrapped(remedy, width, Token.STRONG)]
 

@@ -42,17 +42,33 @@ def heartbeat_problems(
 
 
 def _permission(look: HeartbeatLook) -> Iterator[Problem]:
-    if not _permitted(look):
-        yield Problem(
-            code="heartbeat.plcs_forbidden",
-            key=f"I{PERMISSION}",
-            value=format_number(look.permission),
-            limit=f"{I5_BACKGROUND}, {I5_BACKGROUND + 1}",
-        )
+    if not permitted(look.permission):
+        yield forbidden(look.permission)
 
 
-def _permitted(look: HeartbeatLook) -> bool:
-    return bool(int(look.permission) & I5_BACKGROUND)
+def permitted(permission: float) -> bool:
+    """Whether this value of I5 lets the PLC run."""
+    return bool(int(permission) & I5_BACKGROUND)
+
+
+def forbidden(permission: float) -> Problem:
+    """Return what is wrong with a value of I5 that does not."""
+    return Problem(
+        code="heartbeat.plcs_forbidden",
+        key=f"I{PERMISSION}",
+        value=format_number(permission),
+        limit=f"{I5_BACKGROUND}, {I5_BACKGROUND + 1}",
+    )
+
+
+def silent(before: float, after: float) -> Problem:
+    """Return what is wrong with a PLC that does not count on; it has counted to these numbers."""
+    return Problem(
+        code="heartbeat.plc_silent",
+        key=f"P{reserved.ECHO}",
+        value=format_number(after),
+        limit=f"> {format_number(before)}",
+    )
 
 
 def _text(look: HeartbeatLook, machine: MachineProfile, dialect: Dialect, policy: Policy) -> Iterator[Problem]:
@@ -110,13 +126,8 @@ def _points_at(said: str, wanted: Pointer | None, dialect: Dialect) -> bool:
 def _echo(look: HeartbeatLook) -> Iterator[Problem]:
     """A PLC that is forbidden or missing is known to be silent."""
     before, after = look.pulses
-    if _permitted(look) and look.listing is not None and not after.echo > before.echo:
-        yield Problem(
-            code="heartbeat.plc_silent",
-            key=f"P{reserved.ECHO}",
-            value=format_number(after.echo),
-            limit=f"> {format_number(before.echo)}",
-        )
+    if permitted(look.permission) and look.listing is not None and not after.echo > before.echo:
+        yield silent(before.echo, after.echo)
 
 
 def _lease(look: HeartbeatLook, dialect: Dialect) -> Iterator[Problem]:

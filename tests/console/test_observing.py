@@ -1,0 +1,288 @@
+"""Two consoles with a station each on one card: what an observer may do, and how control changes hands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from console.session.intents import (
+    Approach,
+    Arm,
+    ConfirmClamping,
+    Disarm,
+    Forget,
+    Home,
+    Intent,
+    Jog,
+    Measure,
+    Recover,
+    Retract,
+    Start,
+    SwitchOff,
+    SwitchOn,
+    TakeJaw,
+    TakeOver,
+    TakeTouchOff,
+    Verify,
+)
+from console.session.orders import ORDERS
+from console.session.state import Activity, Armed
+from drivers.cut import Strategy, plan_cut
+from drivers.ownership import Standing
+from drivers.simulator.machine import SimulatedLathe
+from drivers.snapshot import AxisName, Snapshot
+from profiles.store import load_machine
+from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
+from tests.console.floor import experiment_1
+
+JOB = experiment_1()
+REFUSED: tuple[Intent, ...] = (
+    ConfirmClamping(job=JOB),
+    SwitchOn(),
+    SwitchOff(),
+    Home(),
+    Approach(job=JOB),
+    Jog(axis=AxisName.TOOL, distance=-1.0),
+    TakeJaw(),
+    TakeTouchOff(radius_mm=JOB.radius_mm),
+    Forget(),
+    Arm(job=JOB, job_sha256="0" * 64, strategy=Strategy.PVT),
+    Disarm(),
+    Start(),
+    Retract(),
+    Measure(),
+)
+
+
+@pytest.fixture
+def sim() -> SimulatedLathe:
+    return SimulatedLathe(load_machine(MACHINE).machine)
+
+
+@pytest.fixture
+def owner(sim: SimulatedLathe, tmp_path: Path) -> WithStation:
+    return station_of(sim, tmp_path / "here")
+
+
+@pytest.fixture
+def observer(owner: WithStation, tmp_path: Path) -> WithStation:
+    """It comes second, from another computer."""
+    return station_of(owner.sim, tmp_path / "there")
+
+
+@pytest.fixture
+def ready(owner: WithStation) -> WithStation:
+    """The owner with its drives on, homed."""
+    owner.do(SwitchOn())
+    owner.do(Home())
+    return owner
+
+
+def in_a_jog(owner: WithStation, act: Callable[[], object], way_mm: float = 5.0) -> None:
+    """Jog the carriage of the owner out, and do something once in the middle of it."""
+    done: list[object] = []
+
+    def look(snapshot: Snapshot) -> None:
+        if snapshot.moving and not done:
+            done.append(None)
+            act()
+
+    owner.looks.append(look)
+    owner.do(Jog(axis=AxisName.CARRIAGE, distance=way_mm))
+    assert done
+
+
+def armed(sim: SimulatedLathe, owner: WithStation) -> Armed:
+    plan = plan_cut(JOB, owner.place.machine, Strategy.PVT)
+    alignment = owner.state.alignment
+    return Armed(job=JOB, strategy=Strategy.PVT, plan=plan, alignment=alignment, until_s=sim.now_s() + 10.0)
+
+
+def test_the_second_console_looks_on_and_says_why(owner: WithStation, observer: WithStation) -> None:
+    assert (owner.state.standing, owner.alarms) == (Standing.OWNER, [])
+    assert (observer.state.standing, observer.state.holder) == (Standing.OBSERVER, owner.number)
+    assert observer.alarms == ["owner.held"]
+    state = observer.look()
+    assert state.activity is Activity.READY and state.snapshot is not None
+    assert state.alignment.settings == (), "an observer compares the controller with its profile, too"
+
+
+def test_a_second_console_of_the_same_computer_looks_on_as_well(
+    sim: SimulatedLathe, owner: WithStation, tmp_path: Path
+) -> None:
+    beside = station_of(sim, tmp_path / "here")
+    assert (beside.state.standing, beside.alarms) == (Standing.OBSERVER, ["owner.beside"])
+    beside.look()
+    assert beside.state.holder == owner.number
+
+
+def test_every_order_but_three_is_refused_to_an_observer(owner: WithStation, observer: WithStation) -> None:
+    assert {type(order) for order in REFUSED} | {Verify, Recover, TakeOver} == set(ORDERS)
+    observer.hear()
+    for order in REFUSED:
+        assert not observer.station.post(order)
+        assert observer.refusals == ["owner.observer"]
+        observer.look()
+    said = observer.hear()
+    assert b"=" not in said and b"J" not in said and not set(said) & set(STOPS)
+    assert owner.look().snapshot is not None and owner.alarms == []
+
+
+def test_an_observer_sees_what_the_owner_does(ready: WithStation, observer: WithStation) -> None:
+    seen: list[bool] = []
+
+    def look() -> None:
+        state = observer.look()
+        assert state.snapshot is not None
+        seen.append(state.snapshot.moving)
+        # It moves, but not for this console: leaving it needs no stop, and no key is one by chance.
+        assert not state.may_move and not state.controls
+
+    in_a_jog(ready, look)
+    assert seen == [True]
+    assert observer.alarms == ["owner.held"]
+
+
+def test_the_stop_of_an_observer_stops_and_it_may_go_on_looking(ready: WithStation, observer: WithStation) -> None:
+    start = ready.state.snapshot
+    assert start is not None
+
+    def stop() -> None:
+        observer.look()
+        observer.hear()
+        observer.stop.stop("space")
+        assert observer.hear() == b"\x01", "every loop is closed: it ramps down"
+
+    in_a_jog(ready, stop, way_mm=50.0)
+    assert ready.state.activity is Activity.STOPPED and ready.state.stop is not None
+    assert "machine.not_arrived" in ready.alarms
+    end = ready.lathe.snapshot()
+    # 10 mm/s, a look 0.1 s after the start, a ramp of some tenths of a second: nowhere near the 50 mm.
+    assert end.at_rest and end.carriage.position - start.carriage.position < 5_000.0
+    state = observer.look()
+    assert state.activity is Activity.STOPPED and state.stop is not None and state.stop.rest_s is not None
+    observer.hear()
+    assert observer.do(Recover()).activity is Activity.READY
+    assert observer.state.stop is None and b"=" not in observer.hear()
+    assert observer.refusals == []
+
+
+def test_an_observer_that_has_stopped_a_machine_at_rest_changes_nothing_for_its_owner(
+    ready: WithStation, observer: WithStation
+) -> None:
+    observer.look()
+    observer.stop.stop("escape")
+    assert observer.look().activity is Activity.STOPPED
+    assert ready.look().activity is Activity.READY and ready.alarms == []
+    in_a_jog(ready, observer.look)
+    assert ready.refusals == [] and ready.alarms == []
+
+
+@pytest.mark.parametrize("reason", ["quit", "SIGHUP"])
+def test_an_observer_leaves_the_machine_as_it_is(ready: WithStation, observer: WithStation, reason: str) -> None:
+    observer.hear()
+    in_a_jog(ready, lambda: observer.station.close(reason))
+    assert observer.hear() == b""
+    assert ready.refusals == [] and ready.alarms == []
+    snapshot = ready.lathe.snapshot()
+    assert snapshot.loops_closed and snapshot.owner == ready.number
+
+
+def test_an_observer_whose_screen_is_silent_stops_nobody(ready: WithStation, observer: WithStation) -> None:
+    observer.station.beat()
+
+    def look(_: Snapshot) -> None:
+        observer.look()
+
+    ready.looks.append(look)
+    in_a_jog(ready, observer.hear, way_mm=30.0)
+    assert not set(observer.hear()) & set(STOPS)
+    assert observer.alarms == ["owner.held"] and ready.alarms == []
+
+
+def test_at_rest_the_machine_is_taken_over_and_aligned_anew(
+    ready: WithStation, observer: WithStation, tmp_path: Path
+) -> None:
+    state = observer.do(TakeOver())
+    assert (state.standing, state.holder) == (Standing.OWNER, observer.number)
+    assert observer.on_the_card == observer.number
+    assert observer.alarms == [] and state.alignment.settings == () and state.alignment.jaw is None
+    assert logged(tmp_path / "there") == [
+        f"tcp:lathe:1025 taken over: console {ready.number} -> console {observer.number}"
+    ]
+    # The drives are on, as the other one has left them, and the axes are homed.
+    assert state.alignment.drives_on and state.alignment.homed
+    observer.do(SwitchOff())
+    observer.do(SwitchOn())
+    in_a_jog(observer, lambda: None)
+    assert observer.refusals == [] and observer.alarms == []
+
+
+def test_in_motion_a_take_over_is_refused_and_nothing_is_written(
+    ready: WithStation, observer: WithStation
+) -> None:
+    observer.hear()
+    in_a_jog(ready, lambda: observer.do(TakeOver()))
+    assert observer.refusals == ["owner.moving"]
+    assert observer.state.standing is Standing.OBSERVER and observer.on_the_card == ready.number
+    said = observer.hear()
+    assert b"=" not in said and not set(said) & set(STOPS)
+    assert ready.refusals == [] and ready.alarms == []
+
+
+def test_who_was_pushed_aside_says_so_once_is_disarmed_and_sends_nothing_but_stops(
+    sim: SimulatedLathe, ready: WithStation, observer: WithStation
+) -> None:
+    ready.place.tell(armed=armed(sim, ready))
+    observer.do(TakeOver())
+    state = ready.look()
+    assert (state.standing, state.holder, state.armed) == (Standing.OUSTED, observer.number, None)
+    for _ in range(3):
+        ready.look()
+    (alarm,) = ready.state.alarms
+    assert (alarm.problem.code, alarm.count, alarm.problem.value) == ("owner.ousted", 1, str(observer.number))
+    ready.hear()
+    for order in REFUSED:
+        assert not ready.station.post(order)
+        assert ready.refusals == ["owner.observer"]
+        ready.look()
+    said = ready.hear()
+    assert b"=" not in said and b"J" not in said and not set(said) & set(STOPS)
+    ready.station.close("quit")
+    assert not set(ready.hear()) & set(STOPS), "the drives are not its own any more"
+    assert observer.on_the_card == observer.number and observer.lathe.snapshot().loops_closed
+
+
+def test_a_start_that_was_on_its_way_when_the_machine_was_taken_over_does_not_go_out(
+    sim: SimulatedLathe, ready: WithStation, observer: WithStation
+) -> None:
+    """The order was taken, and then the other console was faster."""
+    ready.place.tell(armed=armed(sim, ready))
+    assert ready.station.post(Start())
+    observer.do(TakeOver())
+    ready.hear()
+    ready.look()
+    assert ready.state.cut is None or ready.state.armed is None
+    said = ready.hear()
+    assert b"B2R" not in said and b"J=" not in said
+    assert not observer.lathe.snapshot().program_running
+
+
+def test_control_goes_back_and_forth(ready: WithStation, observer: WithStation) -> None:
+    observer.do(TakeOver())
+    ready.look()
+    ready.do(TakeOver())
+    assert ready.state.standing is Standing.OWNER and "owner.ousted" not in ready.alarms
+    observer.look()
+    assert observer.state.standing is Standing.OUSTED and observer.alarms == ["owner.ousted"]
+    in_a_jog(ready, observer.look)
+    assert ready.refusals == []
+
+
+def test_the_machine_of_an_owner_that_has_left_is_taken_at_once(owner: WithStation, observer: WithStation) -> None:
+    owner.station.close("quit")
+    assert observer.look().holder == 0
+    assert observer.do(TakeOver()).standing is Standing.OWNER
+    assert observer.on_the_card == observer.number

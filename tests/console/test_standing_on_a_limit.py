@@ -1,0 +1,50 @@
+"""A machine that stands on a travel limit: it is stopped and told, and may be jogged off it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from console.session.intents import Home, Jog, Recover, SwitchOff, SwitchOn
+from console.session.state import Activity
+from drivers.snapshot import AxisName
+from tests.console.floor import Floor, open_floor
+
+OFF = Jog(axis=AxisName.CARRIAGE, distance=-1.0)
+
+
+@pytest.fixture
+def standing(tmp_path: Path) -> Floor:
+    """The carriage is homed, and stands on its positive limit switch."""
+    floor = open_floor(tmp_path)
+    floor.do(SwitchOff())
+    floor.do(SwitchOn())
+    floor.do(Home())
+    floor.do(Jog(axis=AxisName.CARRIAGE, distance=10.0))
+    floor.sim.faults.ask("limit", {"motor": "carriage", "direction": "positive"})
+    floor.idle()
+    return floor
+
+
+def test_a_limit_that_is_met_stops_the_machine_and_is_told(standing: Floor) -> None:
+    assert standing.state.stop is not None
+    assert [alarm.problem.value for alarm in standing.state.alarms] == ["carriage: positive_limit"]
+
+
+def test_the_operator_goes_on_and_jogs_off_it(standing: Floor) -> None:
+    standing.idle()
+    standing.do(Recover())
+    before = standing.lathe.snapshot().carriage.position
+    state = standing.do(OFF)
+    assert state.stop is None and state.activity is Activity.READY, state.alarms
+    assert standing.lathe.snapshot().carriage.position == pytest.approx(before - 1000.0, abs=2.0)
+
+
+def test_a_limit_that_was_left_and_is_met_again_stops_again(standing: Floor) -> None:
+    standing.idle()
+    standing.do(Recover())
+    standing.sim.faults.clear()
+    assert standing.idle().stop is None
+    standing.sim.faults.ask("limit", {"motor": "carriage", "direction": "positive"})
+    assert standing.idle().stop is not None

@@ -1,0 +1,33 @@
+"""A stop in a cut on a compensation table: the tool goes out, the carriage back, and the table off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from console.session.intents import Recover, Retract, Start
+from console.session.progress import CutStage
+from console.session.state import Activity
+from drivers.cut import Strategy
+from tests.console.floor import experiment_1, open_floor
+
+
+def test_after_a_stop_on_a_table_f8_leaves_nothing_of_it(tmp_path: Path) -> None:
+    floor = open_floor(tmp_path)
+    job = replace(experiment_1(), cut_length_mm=2.0)
+    floor.set_up(job)
+    assert floor.arm(job, Strategy.CAM).armed is not None
+    floor.when(
+        lambda _: floor.state.cut is not None and floor.state.cut.stage is CutStage.CUT,
+        lambda: floor.stop.stop("space"),
+    )
+    floor.do(Start())
+    floor.idle()
+    assert floor.state.stop is not None and floor.state.stop.rest_s is not None
+    floor.do(Recover())
+    assert [problem.code for problem in floor.lathe.tables_left()] != []
+    state = floor.do(Retract())
+    assert state.activity is Activity.READY and state.refusals == () and state.stop is None, state.alarms
+    assert floor.lathe.tables_left() == ()
+    assert floor.sim.controller.variables.i(51) == 0.0
+    assert floor.arm(job, Strategy.CAM).armed is not None, floor.state.refusals

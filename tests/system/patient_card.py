@@ -1,0 +1,176 @@
+"""A served card whose time waits for the console that works it, until a test says that nobody waits any more.
+
+Sockets, lines and the card are those of `console simulator`. While a console works, simulated time runs with real
+time, but no further than a moment beyond its last word: however busy the computer is, no lease of a living host
+runs out. At a state that a test names time stands still, so that what is done to the console comes at just that
+state; from there on time passes only when the test, as another host of the card, lets it pass.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+
+from drivers.link.address import TcpAddress
+from drivers.link.opening import open_link
+from drivers.pmac.client import PmacClient
+from drivers.pmac.heartbeat.lease import Activity, lease_timer
+from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.reserved import ACTIVITY
+from drivers.simulator.connection import Connection, PlainStream
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.port import Port
+from drivers.simulator.real_time import SLICE_S
+from tests.system.paced_server import PATIENCE_S, PacedLink, PacedServer, served
+
+HEARD_S = 0.15
+"""How far time runs on without a word: a lease that was just renewed, 50 ms late, holds beyond that."""
+
+TICK_S = 0.005
+HURRY = 8.0
+"""How much faster than real time it runs where nothing is cut and no lease is being measured by the host."""
+
+UNTIL_S = 40.0
+
+
+@dataclass
+class _Words:
+    """What the console has said, with the simulated time of each piece."""
+
+    said: list[tuple[float, bytes]] = field(default_factory=list)
+
+
+class _Heard(PlainStream):
+    """The ASCII stream of the console, with an ear."""
+
+    def __init__(self, lathe: SimulatedLathe, port: Port, words: _Words) -> None:
+        super().__init__(lathe, port)
+        self._now_s, self._words = lathe.now_s, words
+
+    def receive(self, data: bytes) -> None:
+        self._words.said.append((self._now_s(), data))
+        super().receive(data)
+
+
+class PatientCard:
+    """One lathe with two listeners: `console` is for the console under test, the other one for whoever watches."""
+
+    def __init__(self, server: PacedServer) -> None:
+        self.server, self.lathe = server, server.lathe
+        self.console = ""
+        self.words = _Words()
+        self._stops_at: Callable[[], bool] | None = None
+        self._reached = asyncio.Event()
+        self._runs = True
+        self._ended = False
+
+    async def begin(self) -> asyncio.Server:
+        """Listen for the console, and let time run with it."""
+        loop, hosts = asyncio.get_running_loop(), self.server.hosts
+        heard = partial(_Heard, words=self.words)
+        listener = await loop.create_server(lambda: Connection(self.lathe, hosts, heard), "127.0.0.1", 0)
+        self.console = f"tcp:127.0.0.1:{listener.sockets[0].getsockname()[1]}"
+        return listener
+
+    async def keep_time(self) -> None:
+        """Let time run with the console, until `end`."""
+        last_s = time.monotonic()
+        while not self._ended:
+            await asyncio.sleep(TICK_S)
+            now_s = time.monotonic()
+            real_s, last_s = min(now_s - last_s, 0.1), now_s
+            heard_s = self.words.said[-1][0] if self.words.said else 0.0
+            left_s = min(real_s * self._speed, heard_s + HEARD_S - self.lathe.now_s())
+            while left_s > 0.0 and self._runs:
+                self.lathe.wait(min(left_s, SLICE_S))
+                left_s -= SLICE_S
+                for host in tuple(self.server.hosts):
+                    host.flush()
+                await asyncio.sleep(0.0)
+                if self._stops_at is not None and self._stops_at():
+                    self._runs = False
+                    self._reached.set()
+
+    @property
+    def _speed(self) -> float:
+        card = self.lathe.controller
+        lease = lease_timer(card.dialect).name
+        guarded = card.variables.get(VariableKind.P, ACTIVITY) != Activity.NOTHING
+        measured = card.variables.get(VariableKind.M, int(lease[1:])) > 0 and not guarded
+        return 1.0 if measured or card.systems[1].running else HURRY
+
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Let time run with the console until something is so; it stands still from then on."""
+
+        async def wait() -> None:
+            self._stops_at, self._reached = reached, asyncio.Event()
+            await asyncio.wait_for(self._reached.wait(), UNTIL_S)
+            self._stops_at = None
+
+        self._in_loop(wait(), UNTIL_S + PATIENCE_S)
+
+    def run_on(self) -> None:
+        """Let time run with the console again."""
+
+        async def run() -> None:
+            self.words.said.append((self.lathe.now_s(), b""))
+            self._runs = True
+
+        self._in_loop(run(), PATIENCE_S)
+
+    def slow_background(self, cycle_ms: float) -> None:
+        """Let the card have that fault from now on."""
+
+        async def begin() -> None:
+            self.lathe.faults.inject("slow-background", cycle_ms=cycle_ms)
+
+        self._in_loop(begin(), PATIENCE_S)
+
+    def cut_cable(self, for_s: float) -> None:
+        """Cut every connection, and let nobody connect for a while."""
+
+        async def begin() -> None:
+            self.lathe.faults.inject("cut-cable", for_s=for_s)
+
+        self._in_loop(begin(), PATIENCE_S)
+
+    def _in_loop(self, work: object, timeout_s: float) -> None:
+        assert asyncio.iscoroutine(work)
+        asyncio.run_coroutine_threadsafe(work, self.server.loop).result(timeout_s)
+
+    def end(self) -> None:
+        """Time has run long enough."""
+        self._ended = True
+
+    @contextmanager
+    def watcher(self) -> Iterator[PmacClient]:
+        """Connect another host, over a socket of its own; from now on time passes while it waits for replies."""
+
+        async def stand_still() -> None:
+            self._runs = False
+
+        self._in_loop(stand_still(), PATIENCE_S)
+        address = self.server.address.removeprefix("tcp:").split(":")
+        with closing(open_link(TcpAddress(host=address[0], port=int(address[1])))) as link:
+            client = PmacClient(PacedLink(link, self.server), self.server)
+            client.connect()
+            yield client
+
+
+@contextmanager
+def patient_card(lathe: SimulatedLathe) -> Iterator[PatientCard]:
+    """Serve a lathe to one console and to those who watch."""
+    with served(lathe, "tcp") as server:
+        card = PatientCard(server)
+        listener = asyncio.run_coroutine_threadsafe(card.begin(), server.loop).result(PATIENCE_S)
+        pace = asyncio.run_coroutine_threadsafe(card.keep_time(), server.loop)
+        try:
+            yield card
+        finally:
+            card.end()
+            pace.result(PATIENCE_S)
+            server.loop.call_soon_threadsafe(listener.close)
