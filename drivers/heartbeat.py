@@ -20,7 +20,7 @@ from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_condition, 
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
 from drivers.pmac.heartbeat.reading import PERMISSION, HeartbeatLook, read_heartbeat
 from drivers.pmac.heartbeat.registers import ENDING
-from drivers.pmac.reserved import ECHO, LOST
+from drivers.pmac.reserved import ECHO, LOST, OWNER
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -68,6 +68,7 @@ class Heartbeat:
         self._keeper: Keeper | None = None
         self._guarding = False
         self._i10 = 0.0
+        self._owner = 0.0
 
     def prepare(self) -> None:
         """Make sure that the card would end a motion without a host; load its PLC where it is not there.
@@ -204,8 +205,8 @@ class Heartbeat:
             RefusedError: `heartbeat.plcs_forbidden`, `heartbeat.plc_silent`.
             LinkError: the link broke or is out of step.
         """
-        items, end_s = (f"I{PERMISSION}", f"P{ECHO}"), self._clock.now_s() + PULSE_TIMEOUT_S
-        permission, first = self._client.numbers(*items, again=True)
+        items, end_s = (f"I{PERMISSION}", f"P{ECHO}", f"P{OWNER}"), self._clock.now_s() + PULSE_TIMEOUT_S
+        permission, first, self._owner = self._client.numbers(*items, again=True)
         if not permitted(permission):
             raise RefusedError(forbidden(permission))
         while self._client.numbers(*items, again=True)[1] == first:
@@ -214,10 +215,13 @@ class Heartbeat:
             self._clock.wait(PULSE_POLL_S)
 
     def _lease_left(self) -> bool:
-        """Ask the card whether it still waits for this host, with time enough for a renewal to come."""
-        items = (f"P{LOST}", lease_timer(self._dialect).name)
-        lost, lease = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
-        return not lost and lease > cycles_of(PERIOD_MS, self._i10)
+        """Ask the card whether it still waits for this host, with time enough for a renewal to come.
+
+        Under another owner it is another's lease, whatever there is of it.
+        """
+        items = (f"P{LOST}", f"P{OWNER}", lease_timer(self._dialect).name)
+        lost, owner, lease = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
+        return not lost and owner == self._owner and lease > cycles_of(PERIOD_MS, self._i10)
 
     def _kept(self) -> Keeper | None:
         """Return the keeper of what is guarded now, None when nothing is.

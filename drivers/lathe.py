@@ -11,13 +11,14 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
-from drivers.arrival import ARRIVED_COUNTS, arrived, nearly_arrived
+from drivers.arrival import ARRIVED_COUNTS, HomeSearch, arrived, nearly_arrived
 from drivers.clock import Clock
 from drivers.cutting.table_state import correction_counts, switch_off, table_problems
 from drivers.errors import DriverError, LinkTimeoutError, RefusedError
-from drivers.heartbeat import LAPSED, Heartbeat
+from drivers.heartbeat import Heartbeat
 from drivers.looks import LOOK_TIMEOUT_S, Looks
-from drivers.ownership import NOBODY, Ownership
+from drivers.motion import Motion
+from drivers.ownership import NOBODY, Ownership, Standing
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.language.text import format_number
@@ -33,12 +34,6 @@ from drivers.stop import StopPath
 from drivers.travel import overrun_counts, refuse_beyond_travel
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-
-CUT_POLL_S = 0.023
-"""Time between two looks during a cut: no whole part of any usual turn, so that every angle is met."""
-
-JOG_POLL_S = 0.1
-"""Time between two looks at an axis on its way."""
 
 SPEED_S = 0.5
 """Over how long the speed of a spindle is seen that somebody else turns."""
@@ -82,6 +77,7 @@ class Lathe:
         items = SnapshotItems(machine, self._dialect)
         self._looks = Looks(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
         self._sending = Sending(client, stop, self._looks, ownership)
+        self._motion = Motion(self._looks, stop, clock, heartbeat, ownership)
 
     @property
     def has_moved(self) -> bool:
@@ -187,13 +183,16 @@ class Lathe:
         """Search the zero of each axis: tool out first, then the carriage, then the spindle's index.
 
         Raises:
-            DriverError: `machine.timeout` or `machine.fault`.
+            DriverError: `machine.timeout`, `machine.fault`; `machine.home_ended`, before a zero was found.
         """
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
             if axis not in self._driven:
                 continue
             self._jog(f"#{self._motors[axis]}HM")
-            self._wait(partial(arrived, axis=axis, flag="home_complete"), timeout_s, f"home {axis}")
+            state = self._motion.until(HomeSearch(axis).is_over, timeout_s, f"home {axis}").axis(axis)
+            if "home_complete" not in state.flags:
+                self.stop.stop(f"home {axis}")
+                raise DriverError(Problem(code="machine.home_ended", key=axis))
 
     def jog_to(
         self,
@@ -218,7 +217,7 @@ class Lathe:
         if not settle:
             band = self.machine.controller.variables[f"I{self._motors[axis]}12"] / PARTS_PER_COUNT
             done = partial(nearly_arrived, axis=axis, band_counts=band)
-        state = self._wait(done, timeout_s, f"jog {axis}").axis(axis)
+        state = self._motion.until(done, timeout_s, f"jog {axis}").axis(axis)
         there = state.position + state.following_error
         if abs(there - counts - held_counts) > ARRIVED_COUNTS:
             # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
@@ -345,10 +344,13 @@ class Lathe:
 
     def start(self, number: int, retracted_counts: float) -> None:
         """Run a loaded program. This moves the machine; the tool is out of the part at `retracted_counts`."""
-        line = f"B{number}R"
-        guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
-        # The system is addressed first: behind a value the & would be an operator of it.
-        self._sending.move(f"&1 {guarded}")
+
+        def leased(line: str) -> str:
+            # The system is addressed first: behind a value the & would be an operator of it.
+            guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
+            return f"&1 {guarded}"
+
+        self._sending.move(f"B{number}R", leased)
 
     def hold(self) -> None:
         """Ask the program to end at the end of the present turn and to retract; `follow` then sees its end.
@@ -373,7 +375,7 @@ class Lathe:
             DriverError: `machine.fault`, `machine.timeout`; the machine is stopped before it is raised.
             StoppedError: somebody stopped the machine.
         """
-        return self._wait(lambda s: s.in_position, timeout_s, "program", watch)
+        return self._motion.until(lambda s: s.in_position, timeout_s, "program", watch)
 
     def wait_for_rest(self) -> Snapshot:
         """After a stop: repeat it until the controller proves that nothing moves, see `drivers.resting`.
@@ -426,71 +428,10 @@ class Lathe:
                 self._heartbeat.ended(self._looks.patience_s)
 
     def _jog(self, line: str) -> None:
-        self._sending.move(line if self._heartbeat is None else self._heartbeat.jog(line))
+        self._sending.move(line, None if self._heartbeat is None else self._heartbeat.jog)
 
-    def _pause(self, seconds: float) -> None:
-        if self._heartbeat is None:
-            self._clock.wait(seconds)
-        else:
-            self._heartbeat.pause(seconds, self._looks.patience_s)
-
-    def _wait(
-        self,
-        done: Callable[[Snapshot], bool],
-        timeout_s: float,
-        what: str,
-        watch: Callable[[Snapshot], None] | None = None,
-    ) -> Snapshot:
-        deadline = self._clock.now_s() + timeout_s
-        standing_on: frozenset[str] = (
-            frozenset() if watch is not None or self._looks.last is None else self._looks.last.limits
-        )
-        while True:
-            snapshot = self._next_look(JOG_POLL_S if watch is None else CUT_POLL_S, deadline)
-            met = snapshot.axis_faults if watch is None else snapshot.faults
-            faults = [fault for fault in met if fault not in standing_on]
-            if faults:
-                self.stop.stop(faults[0])
-                raise DriverError(Problem(code="machine.fault", key=what, value=", ".join(faults)))
-            if watch is not None:
-                watch(snapshot)
-            if done(snapshot):
-                if self._heartbeat is not None:
-                    self._heartbeat.ended()
-                return snapshot
-            if self._clock.now_s() > deadline:
-                self.stop.stop(f"{what}: {timeout_s:g} s")
-                raise DriverError(Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
-
-    def _next_look(self, pause_s: float, deadline: float) -> Snapshot:
-        """Let time pass with the lease kept, and look.
-
-        Raises:
-            DriverError: `heartbeat.lapsed`, what moved was ended by the card; `owner.ousted`, the machine is no
-                longer ours.
-            StoppedError: somebody stopped the machine.
-        """
-        try:
-            self._pause(pause_s)
-            self.stop.check()
-            snapshot = self.snapshot()
-            if snapshot.lost and self._heartbeat is not None and self._heartbeat.guarding:
-                raise self._heartbeat.lapse()
-        except DriverError as error:
-            if error.problems[0].code == LAPSED:
-                self._see_it_end(deadline)
-            raise
-        if self.ownership is not None:
-            self.ownership.refuse_ousted()
-        return snapshot
-
-    def _see_it_end(self, deadline: float) -> None:
-        """Look on while the card ends what has lost its host: a stop of ours would leave the tool in the part."""
-        heartbeat = self._heartbeat
-        assert heartbeat is not None  # it is what has told so
-        deadline = min(deadline, self._clock.now_s() + heartbeat.ends_within_s)
-        while self._clock.now_s() < deadline:
-            self.stop.check()
-            if self.snapshot().at_rest and not heartbeat.is_ending():
-                return
-            self._clock.wait(CUT_POLL_S)
+    @property
+    def anothers(self) -> bool:
+        """Whether another console has the machine, and nothing of this one moves it any more."""
+        ousted = self.ownership is not None and self.ownership.standing is Standing.OUSTED
+        return ousted and not (self._heartbeat is not None and self._heartbeat.guarding)

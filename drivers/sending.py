@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.errors import LinkError, RefusedError
 from drivers.looks import Looks
 from drivers.ownership import Ownership
@@ -26,17 +28,19 @@ class Sending:
         if self._ownership is not None:
             self._ownership.refuse_unless_owner()
 
-    def move(self, line: str) -> None:
+    def move(self, line: str, leased: Callable[[str], str] | None = None) -> None:
         """Send a line that moves something, to axes that are under control: it must not close an open loop.
+
+        `leased` puts a lease in front of it, once nothing stands in its way.
 
         Raises:
             RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
         """
         if not self._looks.loops_closed and not self._looks.look().loops_closed:
             raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
-        self.once(line)
+        self.once(line, leased)
 
-    def once(self, line: str) -> None:
+    def once(self, line: str, leased: Callable[[str], str] | None = None) -> None:
         """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
 
         Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
@@ -51,6 +55,9 @@ class Sending:
         self.refuse_unless_owner()
         if self._stop.hands_in:
             raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))
+        if leased is not None:
+            line = leased(line)  # asks the card, in which time somebody may stop
+            self._stop.check()
         self.has_moved = True
         try:
             self._client.send(line)

@@ -13,6 +13,7 @@ from console.cli.library import data_of
 from console.cli.output import print_json
 from console.text.catalogue import Catalogue
 from drivers.errors import RefusedError
+from drivers.ownership import Ownership
 from drivers.pmac.configuration.applying import apply, refuse_unready
 from drivers.pmac.configuration.backup_reading import CAP_BYTES, read_backup
 from drivers.pmac.configuration.backup_text import backup_text
@@ -110,7 +111,12 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
         refuse_unready(card.client, card.dialect)
         _make_folder(backup.parent)
         _written(card, backup)
-        apply(card.client, card.dialect, writes)
+        ownership = Ownership(card.client)
+        ownership.claim()
+        try:
+            apply(card.client, card.dialect, writes)
+        finally:
+            ownership.release()
     if options.json:
         lines = [{"line": write.line, "found": write.found} for write in writes]
         file = None if backup is None else str(backup)

@@ -45,6 +45,7 @@ class Owning:
         except RefusedError:
             last = NOBODY if self._lock is None else self._lock.last_number
             if last == NOBODY or last != self._holder:
+                self._let_go()
                 raise
             self._log("in the place of a console that died", self._lathe.take_over())
         self._keep()
@@ -64,6 +65,10 @@ class Owning:
     def release(self) -> None:
         """Give the machine back."""
         self._lathe.release()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Whoever only looks on keeps nobody else from the machine."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None

@@ -2,7 +2,7 @@
 
 Not from the times of the looks. A look was taken somewhere between its request and its reply: 5 ms are 30 deg at
 1000 rpm, and a speed that swings by 1 % twice a turn moves the angle by 0.29 deg. From 240 looks a swing could be
-told to some 80 %. The following error comes with the angle in one reply, and while the card commands an even speed
+told to some 90 %. The following error comes with the angle in one reply, and while the card commands an even speed
 it is the swing itself, to a count of the encoder. A ms between the two only turns the swing by some degrees. A
 spindle that the card does not drive has no following error, and so nothing is said of it.
 """
@@ -29,8 +29,8 @@ LEAST_SPREAD = 0.05
 """Smallest over largest singular value of the fit; below it the looks stand too close together in the turn."""
 
 DEVIATIONS = 7.0
-"""Standard errors by which chance may spoil the figure: 3.5 at the fastest place of a turn, which is sought among all
-of them, and as many at the slowest."""
+"""Standard errors by which chance may spoil the figure: 3.5 at the fastest place of a turn, which is sought among
+all of them, and as many at the slowest."""
 
 _PLACES = 2.0 * np.pi * np.arange(180) / 180
 

@@ -182,6 +182,8 @@ def tool_clear(snapshot: Snapshot, plan: CutPlan) -> bool:
 
 def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
     """Stop, wait for rest, and return the error to raise, with what the operator must know of the machine."""
+    if lathe.anothers:
+        return SessionError(*error.problems)
     if isinstance(error, LinkError):
         lathe.in_doubt()
     if lathe.stop.reason is None:

@@ -156,6 +156,11 @@ class StationState:
         return self.activity is not Activity.LOST and self.may_move
 
     @property
+    def seen_moving(self) -> bool:
+        """Whether something moves by the last look, whoever moves it."""
+        return self.moving or (self.snapshot is not None and self.snapshot.moving)
+
+    @property
     def controls(self) -> bool:
         """Whether this console controls the machine; another one may be why it moves."""
         return self.standing is Standing.OWNER

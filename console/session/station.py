@@ -94,7 +94,7 @@ class Station:
                 self._place.alarm(problem)
             self._place.tell(activity=Activity.LOST)
             return False
-        self._place.tell(controller=f"{kind} {version}", activity=Activity.VERIFYING)
+        self._place.tell(controller=f"{kind} {version}")
         self._claim()
         self._carry_out(Verify())
         return True
@@ -241,6 +241,11 @@ class Station:
 
     def _failed(self, error: ProblemError) -> None:
         place = self._place
+        if place.lathe.anothers:
+            for problem in error.problems:
+                place.alarm(problem)
+            place.tell(activity=Activity.READY, armed=None)
+            return
         if isinstance(error, LinkError):
             place.lathe.in_doubt()
         place.lathe.stop.stop(error.problems[0].code)

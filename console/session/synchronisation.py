@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+from console.session.interlocks import SPEED_BAND
 from drivers.cutting.plan import Strategy
-
-AT_SPEED_SHARE = 0.05
-"""By which share of the speed of the job a spindle may be off and still be at speed: one on an inverter slips."""
 
 STANDS_SHARE = 0.05
 """Below this share of the speed of the job a spindle stands."""
@@ -37,7 +35,7 @@ def before_part(
     """
     if strategy is Strategy.NONE:
         return None
-    at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - wanted_rpm) <= AT_SPEED_SHARE * wanted_rpm
+    at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - wanted_rpm) <= SPEED_BAND * wanted_rpm
     waits = strategy is Strategy.TIMEBASE and at_speed and not begun
     return Synchronisation.WAITING if waits else Synchronisation.QUEUED
 

@@ -357,6 +357,7 @@ class ConsoleApp(App[None]):
             self._asked_over_s = desk.control.now_s()
             desk.said = (Problem(code="screen.take_over_again", limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
         else:
+            self._asked_over_s = float("-inf")
             desk.control.post(TakeOver())
 
     def _post_acknowledge(self) -> None:

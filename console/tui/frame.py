@@ -49,7 +49,8 @@ def state_row(frame: Frame, width: int) -> Line:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
     if _looks_on(state):
-        activity, token = text("frame.looks_on", holder=state.holder), Token.WARNING
+        held = text("frame.looks_on", holder=state.holder) if state.holder else text("frame.looks_on_free")
+        activity, token = held, Token.WARNING
     left = (*head, (f"{state.machine} · ", Token.DIM), (activity, token))
     return ranged(left, (*_age(frame), dim(f"   {frame.clock:%H:%M} ")), width)
 
@@ -151,7 +152,7 @@ def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
         seconds = spindle_stop_s(machine, state.cut.speed_rpm)
         return f"{text('frame.spindle_needs', seconds=f'{seconds:.1f}')} ", Token.TEXT
-    if state.moving or (state.snapshot is not None and state.snapshot.moving):  # of another console, perhaps
+    if state.seen_moving:  # by another console, perhaps
         return f"{text('frame.moving')} ", Token.STRONG
     if state.snapshot is None:
         return f"{text('frame.not_known')} ", Token.DIM

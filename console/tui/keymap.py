@@ -51,7 +51,7 @@ _EVERYWHERE = (
     ),
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
-    Action(id="take_over", keys=("t", "ㅅ"), shown="t", row=""),
+    Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
     Action(id="help", keys=("?", "f1"), shown="?"),
     Action(id="quit", keys=("ctrl+q",), shown="^Q"),
     Action(id="close", keys=("backspace",), shown="⌫"),

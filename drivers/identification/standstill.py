@@ -12,7 +12,7 @@ from collections import deque
 from drivers.errors import DriverError
 from drivers.identification.request import clearance_mm
 from drivers.identification.rig import Rig
-from drivers.lathe import CUT_POLL_S
+from drivers.motion import CUT_POLL_S
 from drivers.pmac.master.converted_position import COUNT_PARTS
 from drivers.pmac.memory import WORD_BITS
 from drivers.snapshot import Snapshot

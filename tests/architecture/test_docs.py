@@ -25,6 +25,7 @@ DOCUMENTS = (
     "docs/heartbeat.md",
     "docs/identification.md",
     "docs/links.md",
+    "docs/ownership.md",
     "docs/paper-program.md",
     "docs/plant.md",
     "docs/pmac-emulation.md",

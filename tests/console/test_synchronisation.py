@@ -12,23 +12,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.session.intents import Start
-from console.session.progress import CutProgress, CutStage
+from console.session.progress import CutProgress, CutStage, CutWatch
 from console.session.synchronisation import Synchronisation, before_part, in_part
-from drivers.cut import Strategy
+from drivers.cut import Strategy, plan_cut
+from drivers.snapshot import driven_axes
+from profiles.store import load_machine
 from tests.console.floor import experiment_1, open_floor
+from tests.drivers.cut_floor import with_inverter
+from tests.tui.machine_states import ON, look_at
 
 QUEUED, WAITING, IN_SYNC, LOST = Synchronisation
 FOLLOWING = [strategy for strategy in Strategy if strategy is not Strategy.NONE]
 
 
 @pytest.mark.parametrize("strategy", FOLLOWING)
-@pytest.mark.parametrize("rpm", [None, 0.0, 900.0])
+@pytest.mark.parametrize("rpm", [None, 0.0, 970.0])
 def test_without_its_speed_a_spindle_is_waited_for(strategy: Strategy, rpm: float | None) -> None:
     for begun in (False, True):
         assert before_part(strategy, spindle_rpm=rpm, wanted_rpm=1000.0, begun=begun) is QUEUED
 
 
-@pytest.mark.parametrize("rpm", [960.0, 1000.0, -1000.0, 1040.0])
+@pytest.mark.parametrize("rpm", [985.0, 1000.0, -1000.0, 1015.0])
 def test_only_a_program_on_the_spindles_time_waits_for_its_index(rpm: float) -> None:
     for strategy in FOLLOWING:
         now = before_part(strategy, spindle_rpm=rpm, wanted_rpm=1000.0, begun=False)
@@ -56,6 +60,33 @@ def test_a_spindle_that_stands_in_the_part_is_lost_in_any_phase(
 def test_a_tool_that_follows_no_lobe_keeps_nothing(rpm: float | None) -> None:
     assert before_part(Strategy.NONE, spindle_rpm=rpm, wanted_rpm=1000.0, begun=False) is None
     assert in_part(Strategy.NONE, spindle_rpm=rpm, wanted_rpm=1000.0, in_phase=None) is None
+
+
+# In a cut -------------------------------------------------------------------------------------------------------
+
+
+def test_a_followed_spindle_that_comes_to_stand_is_lost_and_has_no_ripple() -> None:
+    """A program on its time stands with it: tool and carriage where they were, in phase."""
+    job, machine = experiment_1(), with_inverter(load_machine("lee-2001-lathe").machine)
+    plan = plan_cut(job, machine, Strategy.TIMEBASE)
+    watch = CutWatch(plan, job, machine)
+    turn, per_mm = machine.spindle.counts_per_rev, machine.carriage.counts_per_mm
+    told = []
+    for number in range(200):
+        turns = 0.4056 * min(number, 150)
+        infeed_um = plan.wanted.at_um(360.0 * turns)
+        look = look_at(
+            ON,
+            tool=plan.setup.surface + float(infeed_um) / machine.tool.count_um,
+            spindle=turns * turn,
+            carriage=plan.carriage_start + 1.5 * per_mm,
+            running=True,
+        )
+        rpm = 1000.0 if number < 150 else 0.0
+        told.append(watch.see(replace(look, driven=driven_axes(machine)), CutStage.RUN_UP, False, rpm))
+    assert [each.synchronisation for each in (told[149], told[150], told[199])] == [IN_SYNC, LOST, LOST]
+    assert told[199].in_phase
+    assert {each.ripple_percent for each in told} == {None}
 
 
 # On the simulated lathe -----------------------------------------------------------------------------------------

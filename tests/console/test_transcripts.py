@@ -111,6 +111,7 @@ def test_a_transcript_can_be_read_by_a_person(family: str, strategy: Strategy) -
 @every_job
 def test_the_part_of_a_transcript_is_round(family: str, strategy: Strategy) -> None:
     trace = transcript(family, strategy)[1].trace
+    assert trace is not None
     assert evaluate(trace.angle_deg, trace.deviation_um, 50.0).ront_um < 1.0
 
 

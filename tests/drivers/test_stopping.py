@@ -126,8 +126,7 @@ def trip(bench: Bench) -> None:
 
 
 def test_a_following_error_beyond_ix11_kills_the_motor_and_says_so(closed: Bench) -> None:
-    flags = closed.sim.controller.dialect.index(Setting.FLAG_MODE, 1)
-    closed.client.request(f"I{flags}=0")
+    closed.client.request(f"I{closed.sim.controller.dialect.index(Setting.FLAG_MODE, 1)}=0")
     trip(closed)
     flags = closed.lathe.snapshot().tool.flags
     assert {"fatal_following_error", "open_loop"} <= flags

@@ -30,7 +30,7 @@ JITTER = {name: counts for name, counts in zip(MOTORS, (5.0, 20.0, 5.0), strict=
 READ_COUNTS = 1.0
 
 STOP_GAP_S = 0.29
-"""Between two repetitions of a stop that is not proven: 0.2 s, or a try to come back in step with an open buffer."""
+"""Between two repetitions of a stop that is not proven: 0.2 s, or a try to close a buffer in between."""
 
 
 NO_ANSWER = {"link.silent", "link.out_of_step", "link.not_in_step"}

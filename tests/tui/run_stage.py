@@ -83,7 +83,7 @@ def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
         "following_error_um": 12.3,
         "phase_error_deg": 0.08,
         "synchronisation": Synchronisation.IN_SYNC,
-        "ripple": SpindleRipple(0.18, 0.61),
+        "ripple": SpindleRipple(1.18, 0.57),
         "angles_deg": angles_deg,
         "errors_um": 0.5 * np.sin(np.radians(3.0 * angles_deg)),
     }

@@ -40,6 +40,10 @@ from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment
 CLOCK = datetime(2026, 1, 2, 8, 52)
 NOW_S = 100.0
 SHA256 = "3f9a1c" + "0" * 58
+
+ALIKE = 3
+"""So often it must stay: a page that was just mounted may not know its size for a tick or two."""
+
 MOST_TICKS = 20
 
 ON = frozenset({"amplifier_enabled", "home_complete"})
@@ -144,7 +148,7 @@ def cut() -> CutProgress:
         following_error_um=12.34,
         phase_error_deg=0.083,
         synchronisation=Synchronisation.IN_SYNC,
-        ripple=SpindleRipple(0.183, 0.612),
+        ripple=SpindleRipple(1.183, 0.568),
         angles_deg=angles_deg,
         errors_um=waves,
     )
@@ -250,11 +254,13 @@ async def played(app: ConsoleApp, scene: Scene, size: tuple[int, int]) -> AsyncI
 async def settle(app: ConsoleApp, pilot: Pilot[None]) -> None:
     """Tick by hand until the screen stays as it is."""
     before: list[str] = []
+    alike = 0
     for _ in range(MOST_TICKS):
         app.tick()
         await pilot.pause()
         now = rows_of(app)
-        if now == before:
+        alike = alike + 1 if now == before else 0
+        if alike == ALIKE:
             return
         before = now
     raise AssertionError(f"the screen still changes after {MOST_TICKS} ticks")

@@ -11,6 +11,7 @@ from rich.cells import cell_len
 from console.session.alignment import JawAngle
 from console.session.intents import Arm, Disarm, Hold, Start
 from console.session.progress import PHASE_LIMIT_DEG, CutStage
+from console.session.ripple import SpindleRipple
 from console.session.state import Activity, Armed, StationState
 from console.session.work import edited, with_strategy
 from console.text.catalogue import load
@@ -169,8 +170,9 @@ def test_how_tool_and_spindle_are_together_is_a_row(now: StationState, words: st
 
 
 def test_how_evenly_the_spindle_turns_is_told_with_its_bound() -> None:
-    assert "ripple, p-p      0.18 ± 0.61 %" in shown(cutting()).text
-    assert "ripple, p-p                  –" in shown(cutting(ripple=None)).text
+    assert "ripple, p-p       1.18 ± 0.57 %" in shown(cutting()).text
+    assert "ripple, p-p            < 0.74 %" in shown(cutting(ripple=SpindleRipple(0.18, 0.56))).text
+    assert "ripple, p-p                   –" in shown(cutting(ripple=None)).text
 
 
 def test_the_values_say_how_old_they_may_be() -> None:
@@ -259,7 +261,7 @@ def test_enter_is_no_key_of_this_page() -> None:
 
 @pytest.mark.parametrize("stage", [CutStage.POSITION, CutStage.RUN_UP])
 def test_before_the_tool_is_in_the_part_nothing_is_judged(stage: CutStage) -> None:
-    page = shown(cutting(stage=stage, turn=40.0, tool_error_um=2000.0, phase_error_deg=None))
+    page = shown(cutting(stage=stage, turn=40.0, tool_error_um=2000.0, phase_error_deg=None, ripple=None))
     assert "%" not in page.text
     assert "turn 40" not in page.text
     assert "2000" not in page.text

@@ -133,7 +133,7 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
         drives = dim(text("align_page.drives_off"))
     else:
         drives = ("! " + text("align_page.drives_partly"), Token.WARNING)
-    moving = (text("align_page.moving"), Token.STRONG) if state.moving else dim(text("align_page.at_rest"))
+    moving = (text("align_page.moving"), Token.STRONG) if state.seen_moving else dim(text("align_page.at_rest"))
     return ranged((drives,), (moving,), width)
 
 

@@ -41,7 +41,7 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
     faults = tuple(Problem(code="screen.axis_fault", value=fault) for fault in snapshot.axis_faults)
     drives = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
     homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
-    rest = (Problem(code="screen.in_motion"),) if state.moving else ()
+    rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
     cut = (Problem(code="screen.part_is_cut"),) if state.cut_done else ()
     return (
         Check(name="no_stop", problems=stopped),
