@@ -116,7 +116,7 @@ class MeasuredPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationState:
-    """One moment. `at_s` and `looked_s` (the last look that succeeded) are machine time.
+    """One moment. `at_s` is machine time.
 
     `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
     job, that was cut without compensation and measured. `refusals` answer the last order, and go with the next.
@@ -133,7 +133,6 @@ class StationState:
     address: str = ""
     controller: str = ""
     at_s: float = 0.0
-    looked_s: float = 0.0
     round_trip_ms: float = 0.0
     snapshot: Snapshot | None = None
     spindle_rpm: float | None = None

@@ -74,7 +74,6 @@ class Station:
             spindle_rpm=self._spindle.see(snapshot),
             alignment=alignment,
             at_s=place.clock.now_s(),
-            looked_s=place.clock.now_s(),
             round_trip_ms=1000.0 * place.lathe.round_trip_s,
         )
         place.tell_standing()
@@ -403,13 +402,15 @@ class Station:
         return any(alarm.problem.code == code for alarm in self._place.state.alarms)
 
     def _watch_phase(self) -> None:
-        """Say once for each cut that tool and lobe are not in phase."""
-        cut, alarms = self._place.state.cut, self._place.state.alarms
-        if cut is None or cut.stage is not CutStage.CUT or cut.in_phase is not False:
+        """Say once for each cut that tool and lobe are not in phase, or that the spindle stands."""
+        cut = self._place.state.cut
+        if cut is None or cut.stage is not CutStage.CUT:
             return
-        problem = Problem(code="cut.out_of_phase", limit=f"± {PHASE_LIMIT_DEG:g} deg")
-        if not any(alarm.problem == problem for alarm in alarms):
+        if cut.in_phase is False and not self._told("cut.out_of_phase"):
+            problem = Problem(code="cut.out_of_phase", limit=f"± {PHASE_LIMIT_DEG:g} deg")
             self._place.alarm(problem, Priority.MEDIUM)
+        elif cut.is_lost and cut.in_phase is not False and not self._told("cut.spindle_stands"):
+            self._place.alarm(Problem(code="cut.spindle_stands"))
 
     def _watch_screen(self) -> None:
         place = self._place
