@@ -101,6 +101,13 @@ class Snapshot:
         """Whether nothing is commanded to move and no program is left."""
         return not self.program_running and all("desired_velocity_zero" in a.flags for a in self.axes)
 
+    def obeys_stop(self, *, killed: bool) -> bool:
+        """Whether the controller has taken a stop: every loop is open, or every axis ramps down or rests."""
+        if killed:
+            return self.loops_open
+        ramping = all({"abort_deceleration", "desired_velocity_zero"} & axis.flags for axis in self.driven_axes)
+        return ramping and not self.program_running
+
     @property
     def moving(self) -> bool:
         """Whether something is commanded to move, or a program is left."""

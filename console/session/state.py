@@ -69,6 +69,8 @@ STALE_S = 1.0
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
+    `taken_s` is when a look first showed that the controller obeys it.
+
     `delivered` is False when the link did not take it. `tool_in_part` is None while it is not known;
     `can_retract` is whether every loop is closed. `of_cut` is whether it ended a cut, `mark_mm` where the tool
     then came to stand in the part, mm behind its face; None where it did not.
@@ -78,6 +80,7 @@ class StopState:
     killed: bool
     sent_s: float
     delivered: bool = True
+    taken_s: float | None = None
     rest_s: float | None = None
     tool_in_part: bool | None = None
     can_retract: bool = False

@@ -77,6 +77,7 @@ class Station:
             round_trip_ms=1000.0 * place.lathe.round_trip_s,
         )
         place.tell_standing()
+        self._watch_stop(snapshot)
         if place.seen is not None:
             place.seen(snapshot)
             self._watch_phase()
@@ -266,6 +267,7 @@ class Station:
             killed=stop.killed,
             sent_s=before.sent_s if before is not None and under_way else place.clock.now_s(),
             delivered=stop.delivered,
+            taken_s=before.taken_s if before is not None and under_way else None,
             rest_s=None,
             tool_in_part=None,
             can_retract=False,
@@ -318,7 +320,7 @@ class Station:
             place.tell(marks_mm=(*place.state.marks_mm[:-1], mark_mm))
         self._spindle.forget()  # how it came to rest is no speed that it has
         rest = replace(
-            told,
+            place.state.stop or told,
             mark_mm=mark_mm,
             killed=place.lathe.stop.killed,
             delivered=True,
@@ -326,7 +328,8 @@ class Station:
             tool_in_part=tool_in_part(snapshot, place.loaded_machine.machine, place.state.alignment),
             can_retract=snapshot.loops_closed,
         )
-        self._note("stopped", reason=told.reason, proven=True)
+        taken = None if rest.taken_s is None else rest.taken_s - rest.sent_s
+        self._note("stopped", reason=told.reason, proven=True, taken_after_s=taken)
         self._tell_faults(snapshot)
         place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
@@ -377,6 +380,14 @@ class Station:
         for kind, problem in zip(fresh, collision_problems(fresh), strict=True):
             place.alarm(problem)
             self._note("collision", met=kind)
+
+    def _watch_stop(self, snapshot: Snapshot) -> None:
+        """Take note of when the controller first obeys a stop, by a look that was asked for behind it."""
+        stop = self._place.state.stop
+        if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
+            return
+        if snapshot.obeys_stop(killed=self._place.lathe.stop.killed):
+            self._place.tell(stop=replace(stop, taken_s=snapshot.at_s))
 
     def _tell_faults(self, snapshot: Snapshot) -> None:
         """Say of a stopped machine what is wrong with it besides, each thing once."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from console.session.intents import (
@@ -128,5 +128,6 @@ def open_floor(records: Path, seed: int = 1, plant: str = "mounted") -> Floor:
     return floor
 
 
-def experiment_1() -> Job:
-    return load_job("lee-2001-experiment-1").job
+def experiment_1(cut_length_mm: float = 3.0) -> Job:
+    """The first job of the paper, with a shorter cut: what it takes to plan and to cut goes with its turns."""
+    return replace(load_job("lee-2001-experiment-1").job, cut_length_mm=cut_length_mm)

@@ -28,7 +28,7 @@ def floor(tmp_path: Path) -> Floor:
 
 @pytest.fixture
 def aligned(floor: Floor) -> Floor:
-    floor.set_up(experiment_1())
+    floor.set_up(experiment_1(8.0))
     return floor
 
 
@@ -72,8 +72,8 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
     assert aligned.station.post(Acknowledge())
     aligned.lathe.jog_to(AxisName.TOOL, 0.0)
     aligned.do(SwitchOff())
-    assert told(aligned.do(ConfirmClamping(job=experiment_1()))) == {}
-    aligned.set_up(experiment_1())
+    assert told(aligned.do(ConfirmClamping(job=experiment_1(8.0)))) == {}
+    aligned.set_up(experiment_1(8.0))
     again = set(told(plunge(aligned)))
     assert again == {"simulator.met_infeed", "simulator.met_standing_part", "simulator.met_too_deep"}
 
@@ -83,7 +83,7 @@ def test_a_collision_in_a_cut_is_told_before_its_end_and_kept_in_the_record(
 ) -> None:
     """A tool that takes nothing, put to an ordinary cut."""
     monkeypatch.setattr("drivers.simulator.plant.collision.TOOL_TAKES_MM", -0.05)
-    floor.set_up(experiment_1())
+    floor.set_up(experiment_1(8.0))
     late_s: list[float] = []
 
     def look(_: object) -> None:
@@ -91,7 +91,7 @@ def test_a_collision_in_a_cut_is_told_before_its_end_and_kept_in_the_record(
             late_s.append(floor.sim.now_s() - floor.sim.collisions[0].time_ms / 1000.0)
 
     floor.looks.append(look)
-    floor.arm(experiment_1())
+    floor.arm(experiment_1(8.0))
     state = floor.do(Start())
     assert max(late_s) < 1.1
     assert floor.sim.now_s() - floor.sim.collisions[0].time_ms / 1000.0 > 5.0

@@ -36,8 +36,8 @@ def test_without_a_lobe_there_is_no_phase() -> None:
 
 def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path) -> None:
     floor = open_floor(tmp_path)
-    floor.set_up(experiment_1())
-    floor.arm(experiment_1())
+    floor.set_up(experiment_1(8.0))
+    floor.arm(experiment_1(8.0))
     seen: list[CutProgress] = []
     floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)
     floor.do(Start())

@@ -138,19 +138,19 @@ def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
 def test_a_stop_in_mid_cut_says_where_it_marked_the_part(aligned: Floor) -> None:
     """The part goes on turning before a tool that stands still; another cut at the same depth does not reach that.
 
-    The part is measured in the middle of its 8 mm, where this stop comes. The path is 100 ± 27.5 um deep: of the
+    The part is measured in the middle of its 4 mm, where this stop comes. The path is 100 ± 27.5 um deep: of the
     lobe that it mirrors, the tool has taken away what is less deep than where it stood.
     """
-    job = experiment_1()
+    job = experiment_1(4.0)
     aligned.arm(job)
-    half_done = 4.0 / job.feed_mm_per_rev - 0.6
+    half_done = 2.0 / job.feed_mm_per_rev - 0.6
     aligned.when(lambda _: in_the_part(aligned, half_done), lambda: aligned.stop.stop("space"))
     state = aligned.do(Start())
     assert state.stop is not None and state.stop.of_cut and state.snapshot is not None
     # The face is 30 mm before the jaws at 200 mm; the carriage has 1000 counts a mm.
     assert state.marks_mm == (state.stop.mark_mm,)
     assert state.stop.mark_mm == pytest.approx(state.snapshot.carriage.position / 1000.0 - 170.0)
-    assert state.stop.mark_mm == pytest.approx(4.0, abs=0.1)
+    assert state.stop.mark_mm == pytest.approx(2.0, abs=0.1)
     assert aligned.place.plan is not None
     stood_um = 0.2 * (state.snapshot.tool.position - aligned.place.plan.setup.surface)
     aligned.do(Recover())

@@ -26,7 +26,7 @@ def stop_lines(text: Catalogue, stop: StopState, speed_rpm: float | None, width:
     if stop.rest_s is None:
         rows.append(row("rest", text("run_page.rest_unproven"), Token.WARNING))
     else:
-        rows.append(row("rest", f"{stop.rest_s - stop.sent_s:.1f} s", Token.TEXT))
+        rows.append(row("rest", _times(text, stop, stop.rest_s), Token.TEXT))
     if speed_rpm is not None and abs(speed_rpm) >= TURNING_RPM:
         rows.append(spindle_line(text, speed_rpm, width))
     if stop.rest_s is not None:
@@ -35,6 +35,13 @@ def stop_lines(text: Catalogue, stop: StopState, speed_rpm: float | None, width:
         rows.append(row("drives", drives, Token.TEXT if stop.can_retract else Token.WARNING))
     mark = [] if stop.mark_mm is None or stop.rest_s is None else mark_lines(text, (stop.mark_mm,), width)
     return [*rows, *mark, BLANK, *wrapped(_remedy(text, stop), width, Token.STRONG)]
+
+
+def _times(text: Catalogue, stop: StopState, rest_s: float) -> str:
+    rest = f"{rest_s - stop.sent_s:.1f} s"
+    if stop.taken_s is None:
+        return rest
+    return text("run_page.stop.times", rest=rest, taken=f"{stop.taken_s - stop.sent_s:.2f} s")
 
 
 def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int) -> list[Line]:
