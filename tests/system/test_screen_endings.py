@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -193,11 +194,11 @@ def test_without_any_terminal_it_says_so_in_one_line(tmp_path: Path) -> None:
     assert done.stderr.startswith("console: the screens need a terminal")
 
 
-def last_event(data: Path) -> tuple[str, str]:
+def last_event(data: Path) -> tuple[str, dict[str, object]]:
     database = sqlite3.connect(data / "records.sqlite3")
     kind, content = database.execute("SELECT kind, data FROM events ORDER BY number DESC LIMIT 1").fetchone()
     database.close()
-    return kind, content
+    return kind, json.loads(content)
 
 
 @pytest.mark.timeout(120)
@@ -211,7 +212,8 @@ def test_a_line_that_stalls_in_mid_cut_stops_the_machine_and_is_told_when_it_run
         # The screen waits for the line, and the machine must not.
         terminal.press(*MORE_THAN_THE_LINE_HOLDS)
         wait_for_the_record(tmp_path)
-        assert last_event(tmp_path) == ("stopped", '{"reason": "screen", "proven": true}')
+        kind, content = last_event(tmp_path)
+        assert (kind, content["reason"], content["proven"]) == ("stopped", "screen", True)
         terminal.resume()
         trainee.sees("activity.stopped", 5.0)
         trainee.sees("problem.session.screen_silent", 5.0)
