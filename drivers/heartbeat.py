@@ -7,6 +7,7 @@ long as a lease asks the card first: a lease that has run out is not renewed, be
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError, LinkError, RefusedError
@@ -57,9 +58,15 @@ class Heartbeat:
     """The lease of one controller. It guards nothing before `prepare` has found everything in order."""
 
     def __init__(
-        self, client: PmacClient, clock: Clock, machine: MachineProfile, policy: Policy | None = None
+        self,
+        client: PmacClient,
+        clock: Clock,
+        machine: MachineProfile,
+        policy: Policy | None = None,
+        owner_seen: Callable[[float], None] = lambda _: None,
     ) -> None:
-        """Without a `policy` that of the machine profile is kept."""
+        """Without a `policy` that of the machine profile is kept. `owner_seen` is told whose the machine is."""
+        self._owner_seen = owner_seen
         self._client = client
         self._clock = clock
         self._machine = machine
@@ -88,6 +95,14 @@ class Heartbeat:
             raise RefusedError(*problems)
         self._i10 = look.i10
         self._keeper = Keeper(dialect=self._dialect, i10=look.i10)
+
+    def problems(self) -> tuple[Problem, ...]:
+        """Return what is not in order now with a heartbeat that was prepared; before that nothing is asked of it.
+
+        Raises:
+            LinkError: the link broke or is out of step.
+        """
+        return () if self._keeper is None else self._looked()[1]
 
     def jog(self, line: str) -> str:
         """Return a line that moves a motor, with its lease in front, to be sent at once."""
@@ -153,6 +168,10 @@ class Heartbeat:
         self._guarding = False
         return DriverError(Problem(code=LAPSED, where=self._client.link.address))
 
+    def forgo(self) -> None:
+        """Guard nothing: the line that was to be guarded was not sent, and the card was told nothing."""
+        self._guarding = False
+
     @property
     def guarding(self) -> bool:
         """Whether something moves on a lease of this host."""
@@ -207,6 +226,7 @@ class Heartbeat:
         """
         items, end_s = (f"I{PERMISSION}", f"P{ECHO}", f"P{OWNER}"), self._clock.now_s() + PULSE_TIMEOUT_S
         permission, first, self._owner = self._client.numbers(*items, again=True)
+        self._owner_seen(self._owner)
         if not permitted(permission):
             raise RefusedError(forbidden(permission))
         while self._client.numbers(*items, again=True)[1] == first:

@@ -14,7 +14,7 @@ from functools import partial
 from drivers.arrival import ARRIVED_COUNTS, HomeSearch, arrived, nearly_arrived
 from drivers.clock import Clock
 from drivers.cutting.table_state import correction_counts, switch_off, table_problems
-from drivers.errors import DriverError, LinkTimeoutError, RefusedError
+from drivers.errors import ControllerError, DriverError, LinkTimeoutError, RefusedError
 from drivers.heartbeat import Heartbeat
 from drivers.looks import LOOK_TIMEOUT_S, Looks
 from drivers.motion import Motion
@@ -350,7 +350,7 @@ class Lathe:
             guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
             return f"&1 {guarded}"
 
-        self._sending.move(f"B{number}R", leased)
+        self._leased(f"B{number}R", leased)
 
     def hold(self) -> None:
         """Ask the program to end at the end of the present turn and to retract; `follow` then sees its end.
@@ -428,10 +428,22 @@ class Lathe:
                 self._heartbeat.ended(self._looks.patience_s)
 
     def _jog(self, line: str) -> None:
-        self._sending.move(line, None if self._heartbeat is None else self._heartbeat.jog)
+        self._leased(line, None if self._heartbeat is None else self._heartbeat.jog)
+
+    def _leased(self, line: str, leased: Callable[[str], str] | None) -> None:
+        """Send a line that moves; one that was refused, or not sent, leaves no lease behind."""
+        try:
+            self._sending.move(line, leased)
+        except RefusedError:
+            if self._heartbeat is not None:
+                self._heartbeat.forgo()
+            raise
+        except ControllerError:
+            self._end_guard()  # what stands in front of the order on its line was carried out
+            raise
 
     @property
     def anothers(self) -> bool:
-        """Whether another console has the machine, and nothing of this one moves it any more."""
-        ousted = self.ownership is not None and self.ownership.standing is Standing.OUSTED
-        return ousted and not (self._heartbeat is not None and self._heartbeat.guarding)
+        """Whether this console does not control the machine, and nothing of it moves any more."""
+        apart = self.ownership is not None and self.ownership.standing is not Standing.OWNER
+        return apart and not (self._heartbeat is not None and self._heartbeat.guarding)

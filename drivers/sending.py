@@ -58,6 +58,7 @@ class Sending:
         if leased is not None:
             line = leased(line)  # asks the card, in which time somebody may stop
             self._stop.check()
+            self.refuse_unless_owner()  # and it has told whose the machine is now
         self.has_moved = True
         try:
             self._client.send(line)

@@ -212,7 +212,10 @@ class SnapshotItems:
     def _inputs(self, words: Sequence[str]) -> Mapping[str, bool]:
         items = dict.fromkeys(each.item for each in self.inputs)
         met = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
-        return MappingProxyType({each.device: each.is_good(met[each.item]) for each in self.inputs})
+        good: dict[str, bool] = {}
+        for each in self.inputs:  # a device of two contacts is well when both are
+            good[each.device] = good.get(each.device, True) and each.is_good(met[each.item])
+        return MappingProxyType(good)
 
 
 def _flags(status: str, dialect: Dialect) -> frozenset[str]:

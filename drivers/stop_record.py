@@ -118,6 +118,7 @@ def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> s
     ]
     settings = read_ranges(client, dialect, [range(SERVO_PERIOD, SERVO_PERIOD + 1), *blocks])
     lines = [f"I{index}={value!r}" for index, value in sorted(settings.items())]
+    lines.append(f"{machine.heartbeat.policy} {machine.heartbeat.grace_ms!r}")
     return digest([machine.name, kind.strip(), version.strip(), *lines])
 
 

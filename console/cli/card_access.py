@@ -53,7 +53,7 @@ def opened_card(options: Namespace) -> Iterator[Card]:
     """
     machine = machine_of(options)
     told = options.link or machine.machine.link
-    address = parse_address(told) if told else SIMULATED
+    address = parse_address(told) if told and not options.sim else SIMULATED
     if isinstance(address, SimulatedAddress):
         with _simulated(machine) as link:
             yield _connected(link, machine.machine, simulated=True)

@@ -26,6 +26,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     with opened_card(options) as card:
         verification = verify(card.client, card.machine, card.dialect)
         moves = options.prove and agreed(options, card.machine.name, card.simulated, text, "doctor")
+        if moves and not card.simulated:
+            verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken its time
         proofs = _proven(options, card, verification) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
     checks = in_order([*verification.checks, *stops, *proofs])

@@ -145,6 +145,7 @@ def _identified(
         ProblemError: a refusal, or what went wrong; the machine is at rest with its drives off.
     """
     from console.cli.agreement import agreed
+    from console.session.machine_run import leave
     from drivers.identification.identify import identify, origin_of, refuse_before, take_up
     from drivers.safety import safety_problems
 
@@ -158,13 +159,11 @@ def _identified(
         refuse_before(rig, request)
         if not agreed(options, rig.machine.name, simulated, text, "identify"):
             return None
+        refuse_before(rig, request)  # the answer may have taken its time
         origin = origin_of(rig, version=version, kind=kind, simulated=simulated)
         teller.begin(origin)
         take_up(rig)
         date = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        identified = identify(rig, request, origin, date, teller.tell)
-        rig.lathe.switch_off()
-        return identified
+        return identify(rig, request, origin, date, teller.tell)
     finally:
-        if owning is not None:
-            owning.release()
+        leave(rig.lathe, owning)

@@ -14,6 +14,7 @@ from console.cli.agreement import agreed
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
+from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -118,10 +119,17 @@ def _run_there(
     reached = reach(machine, address, data, tracing)
     try:
         interruption.guard(reached.stop)
-        commissioned = Commissioned(reached.client, machine.machine, data, simulated=reached.simulated)
-        return run_once(plan, machine_shop(reached, commissioned), tell)
+        commissioned = Commissioned(
+            reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
+        )
+        result = run_once(plan, machine_shop(reached, commissioned), tell)
+        if not leave(reached.lathe, reached.owning):
+            raise SessionError(Problem(code="machine.state_unknown"))
+        return result
+    except BaseException:
+        leave(reached.lathe, reached.owning)
+        raise
     finally:
-        leave(reached)
         reached.close()
 
 

@@ -6,6 +6,7 @@ from datetime import date
 from pathlib import Path
 
 from console.session.stop_records import stop_record_problems
+from drivers.heartbeat import Heartbeat
 from drivers.pmac.client import PmacClient
 from drivers.pmac.configuration.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.safety import safety_problems
@@ -17,17 +18,23 @@ from profiles.problem import Problem
 class Commissioned:
     """One machine behind one connection. `data` is the folder with the stop records."""
 
-    def __init__(self, client: PmacClient, machine: MachineProfile, data: Path, *, simulated: bool) -> None:
+    def __init__(
+        self, client: PmacClient, heartbeat: Heartbeat, machine: MachineProfile, data: Path, *, simulated: bool
+    ) -> None:
+        self._heartbeat = heartbeat
         self._client, self._machine, self._data, self._simulated = client, machine, data, simulated
         self._fingerprint: Fingerprint | None = None
 
     def take_fingerprint(self) -> None:
-        """Read what the card is set to; what somebody else changes from now on is told before the next arm.
+        """Read what the card is set to, once; what somebody else changes from then on is told before each arm.
+
+        What was changed is accepted by connecting again, not by another look.
 
         Raises:
             DriverError: the link broke, or the card does not answer what was asked for.
         """
-        self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
+        if self._fingerprint is None:
+            self._fingerprint = read_fingerprint(self._client, self._machine, self._client.dialect)
 
     def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Return every reason why this machine may not be armed; `snapshot` is of now.
@@ -35,7 +42,8 @@ class Commissioned:
         Raises:
             DriverError: the link broke, or the card does not answer what was asked for.
         """
-        return (*safety_problems(self._machine, snapshot.inputs), *self._strange(), *self._unmeasured())
+        guards = safety_problems(self._machine, snapshot.inputs)
+        return (*guards, *self._heartbeat.problems(), *self._strange(), *self._unmeasured())
 
     def _strange(self) -> tuple[Problem, ...]:
         before, dialect = self._fingerprint, self._client.dialect

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from console.session.errors import SessionError
@@ -24,9 +25,10 @@ class ConsoleLock:
         self._descriptor = descriptor
 
     def keep(self, number: int) -> None:
-        """Leave the number of this console for the one that comes next."""
-        os.ftruncate(self._descriptor, 0)
-        os.pwrite(self._descriptor, f"{number}\n".encode("ascii"), 0)
+        """Leave the number of this console for the one that comes next, if there is room for it."""
+        with suppress(OSError):
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, f"{number}\n".encode("ascii"), 0)
 
     def close(self) -> None:
         """Let go of it."""
@@ -44,14 +46,20 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError as error:
-        where, value = str(path), error.strerror or str(error)
-        raise SessionError(Problem(code="lock.unwritable", where=where, value=value)) from error
+        raise _unwritable(path, error) from error
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         os.close(descriptor)
         return None
+    except OSError as error:
+        os.close(descriptor)
+        raise _unwritable(path, error) from error
     return ConsoleLock(descriptor, _number(os.pread(descriptor, 32, 0)))
+
+
+def _unwritable(path: Path, error: OSError) -> SessionError:
+    return SessionError(Problem(code="lock.unwritable", where=str(path), value=error.strerror or str(error)))
 
 
 def _number(left: bytes) -> int:

@@ -35,6 +35,7 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
         SessionError: every reason why this cut may not start.
     """
     place.tell(armed=None)
+    put_back(place)
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     machine = place.machine
     zero = of_zero(machine, order.strategy, jaw_found=True)
@@ -43,6 +44,7 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     plan = plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease)
     refuse_unless(of_program(plan))
     _refuse_tables(place)
+    place.to_restore = plan.restore
     place.lathe.load(plan.program, plan.axis_definitions)
     _refuse_unless_ready(place, plan, starting=False)
     _open_record(place, order, plan)
@@ -53,8 +55,20 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
 
 
 def disarm(place: Workplace, _: Disarm) -> None:
-    """Take it back."""
+    """Take it back, and what arming has changed on the card."""
     place.tell(armed=None)
+    put_back(place)
+
+
+def put_back(place: Workplace) -> None:
+    """Make the card what its profile says, where a cut has changed it: after its end, and however it ended.
+
+    Raises:
+        DriverError: something moves, the link broke, or the controller refused a line.
+    """
+    if place.to_restore:
+        place.lathe.restore(place.to_restore)
+        place.to_restore = ()
 
 
 def start(place: Workplace, _: Start) -> None:
@@ -89,7 +103,7 @@ def start(place: Workplace, _: Start) -> None:
         last = place.lathe.follow(partial(_hold_if_asked, place), plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
     finally:
         place.seen = None
-    place.lathe.restore(plan.restore)
+    put_back(place)
     _refuse_tables(place)
     _finish(place, watch, plan, last)
 
@@ -114,6 +128,7 @@ def retract(place: Workplace, _: Retract) -> None:
             snapshot.tool.position - tool.retract_mm * tool.counts_per_mm, tool.travel_min_mm * tool.counts_per_mm
         )
     place.lathe.retract(target)
+    put_back(place)
     _leave_tables(place)
 
 

@@ -6,8 +6,10 @@ from contextlib import suppress
 
 from console.session.commissioned import Commissioned
 from console.session.interlocks import Interlock, refuse_unless
+from console.session.owning import Owning
 from console.session.reaching import Reached
 from console.session.sequence import Shop
+from drivers.lathe import Lathe
 from drivers.ownership import Standing
 from profiles.problem import ProblemError
 
@@ -41,14 +43,28 @@ def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
     )
 
 
-def leave(reached: Reached) -> None:
-    """Leave the machine with its drives off, as far as it can be told, and nobody's. Never raises a problem."""
-    lathe, ownership = reached.lathe, reached.lathe.ownership
-    if lathe.has_moved and ownership is not None and ownership.standing is Standing.OWNER:
-        with suppress(ProblemError):
-            if lathe.stop.reason is None:
-                lathe.switch_off()
-            else:
-                lathe.stop.kill("end")
-                lathe.wait_for_rest()
-    reached.owning.release()
+def leave(lathe: Lathe, owning: Owning | None) -> bool:
+    """Leave the machine with its drives off and nobody's; False when that cannot be proven. Raises no problem.
+
+    A machine that is left in doubt keeps the number of this console: whoever comes next has to look at it.
+    """
+    ownership = lathe.ownership
+    ours = ownership is None or ownership.standing is Standing.OWNER
+    if lathe.has_moved and ours and not _switched_off(lathe):
+        return False
+    if owning is not None:
+        owning.release()
+    return True
+
+
+def _switched_off(lathe: Lathe) -> bool:
+    with suppress(ProblemError):
+        if lathe.stop.reason is None:
+            lathe.switch_off()
+            return True
+    lathe.stop.kill("end")
+    try:
+        lathe.wait_for_rest()
+    except ProblemError:
+        return False
+    return True

@@ -39,7 +39,9 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         shop=reached.shop,
         records=data,
         local_time=_local_time,
-        commissioned=Commissioned(reached.client, machine.machine, data, simulated=reached.simulated),
+        commissioned=Commissioned(
+            reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
+        ),
     )
     place.tell(address=reached.address)
     seen.append(Station(place))

@@ -14,7 +14,7 @@ from console.session.alarms import cleared
 from console.session.alignment import Clamping, JawAngle, TouchOff, aligned_job, unclamped
 from console.session.axis_units import counts_per_unit
 from console.session.clearance import over_part, tool_in_part
-from console.session.cutting import arm, disarm, retract, start
+from console.session.cutting import arm, disarm, put_back, retract, start
 from console.session.errors import SessionError
 from console.session.intents import (
     Approach,
@@ -67,6 +67,8 @@ OVER_PART_MM = 2.0
 
 def verify(place: Workplace, _: Verify) -> None:
     """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
+    if place.state.controls:
+        put_back(place)
     settings = place.lathe.verify()
     if place.state.controls:
         settings = (*settings, *place.lathe.tables_left())
@@ -78,6 +80,8 @@ def verify(place: Workplace, _: Verify) -> None:
 def take_over(place: Workplace, order: TakeOver) -> None:
     """Take control of the machine, whoever had it. What was aligned from another console is not known here."""
     place.owning.take_over()
+    if not place.lathe.snapshot().loops_open:
+        place.lathe.hands_clear()  # whoever had the machine has switched it on since
     place.tell_standing()
     place.tell(alarms=cleared(place.state.alarms, *OWNER_CODES))
     verify(place, Verify())
@@ -126,6 +130,7 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
 def switch_off(place: Workplace, _: SwitchOff) -> None:
     """Open the loops."""
     place.lathe.switch_off()
+    put_back(place)
 
 
 def home(place: Workplace, _: Home) -> None:

@@ -30,6 +30,7 @@ class Reached:
 
     client: PmacClient
     lathe: Lathe
+    heartbeat: Heartbeat
     stop: StopPath
     owning: Owning
     clock: Clock
@@ -83,7 +84,8 @@ def _on(
 
     traced = tracing.of(link, clock.now_s)
     stop, client = StopPath(traced), PmacClient(traced, clock)
-    heartbeat, ownership = Heartbeat(client, clock, machine), Ownership(client)
+    ownership = Ownership(client)
+    heartbeat = Heartbeat(client, clock, machine, owner_seen=ownership.see)
     try:
         lathe = Lathe(client, machine, clock, stop, seen, heartbeat, ownership)
     except BaseException:
@@ -93,6 +95,7 @@ def _on(
     return Reached(
         client=client,
         lathe=lathe,
+        heartbeat=heartbeat,
         stop=stop,
         owning=Owning(lathe, link.address, data, lock),
         clock=clock,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from console.session.alarms import Priority, acknowledged, cleared
 from console.session.alignment import observed
 from console.session.clearance import behind_face_mm, tool_in_part
 from console.session.collisions import COLLISION_CODES, collision_problems
+from console.session.cutting import put_back
 from console.session.errors import SessionError
 from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
 from console.session.orders import ORDERS
@@ -121,7 +123,9 @@ class Station:
             if place.state.activity is Activity.LOST:
                 return self._refuse(Problem(code="session.lost"))
             if not place.state.controls and not isinstance(intent, OBSERVERS_ORDERS):
-                return self._refuse(Problem(code="owner.observer", value=str(place.state.holder)))
+                holder = place.state.holder
+                free = Problem(code="owner.free")
+                return self._refuse(Problem(code="owner.observer", value=str(holder)) if holder else free)
             if place.state.activity not in IDLE or self._order is not None:
                 return self._refuse(Problem(code="session.busy"))
             if place.state.stop is not None and not isinstance(intent, Recover):
@@ -141,7 +145,8 @@ class Station:
             self._step(order)
         except Exception as fault:
             # The console's own fault; the thread goes on, because nobody else could stop the machine.
-            self._place.lathe.stop.stop("fault")
+            if self.state.controls:
+                self._place.lathe.stop.stop("fault")
             self._place.alarm(_fault_problem(fault))
 
     def _step(self, order: Intent | None) -> None:
@@ -158,14 +163,21 @@ class Station:
     def close(self, reason: str) -> None:
         """Leave the machine at rest with its drives off, as far as it can be told. Never raises."""
         place, lathe = self._place, self._place.lathe
-        if lathe.has_moved and self.state.controls:
+        if self.state.controls and self._may_be_on():
             if self.state.may_move or lathe.stop.reason is not None:
                 lathe.stop.stop(reason)
                 self._settle()
             lathe.stop.kill(reason)
             self._settle()
+            with suppress(ProblemError):
+                put_back(place)
         place.owning.release()
         place.end_record()
+
+    def _may_be_on(self) -> bool:
+        """Whether a drive may be on: ours, or one that was on when the machine was taken over."""
+        snapshot = self.state.snapshot
+        return self._place.lathe.has_moved or snapshot is None or not snapshot.loops_open
 
     def _hold(self) -> bool:
         if self._place.state.activity is not Activity.CUTTING:
@@ -196,7 +208,7 @@ class Station:
         snapshot = self._place.lathe.snapshot()
         self._watch_owner(snapshot)
         self._watch_loss(snapshot)
-        if self._place.lathe.stop.hands_in and not snapshot.loops_open:
+        if self.state.controls and self._place.lathe.stop.hands_in and not snapshot.loops_open:
             # It was not us: somebody else, or a PLC of the card. The stop is a control-K then.
             raise DriverError(Problem(code="machine.energised"))
         place = self._place
@@ -242,9 +254,7 @@ class Station:
     def _failed(self, error: ProblemError) -> None:
         place = self._place
         if place.lathe.anothers:
-            for problem in error.problems:
-                place.alarm(problem)
-            place.tell(activity=Activity.READY, armed=None)
+            self._told_apart(error)
             return
         if isinstance(error, LinkError):
             place.lathe.in_doubt()
@@ -252,6 +262,16 @@ class Station:
         for problem in error.problems:
             place.alarm(problem)
         self._settle(lost=isinstance(error, LinkError))
+
+    def _told_apart(self, error: ProblemError) -> None:
+        """Tell what went wrong on a machine that another console controls: nothing is sent to it for that."""
+        place = self._place
+        for problem in error.problems:
+            if not self._told(problem.code):
+                place.alarm(problem)
+        self._gone = any(problem.code in GONE for problem in error.problems)
+        lost = isinstance(error, LinkError)
+        place.tell(activity=Activity.LOST if lost else Activity.READY, armed=None)
 
     def _settle(self, *, lost: bool = False) -> None:
         """After a stop: wait until the controller proves rest, and say how the machine was left."""

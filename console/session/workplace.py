@@ -44,8 +44,9 @@ class Workplace:
     """Everything that one order needs. `state` is replaced by `tell`, from whatever thread.
 
     `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
-    goes on; `limits_seen` are the travel limits on which the machine stood when the operator went on after a stop:
-    it may be jogged off them. `hold_asked` is set by the operator, `holding` when it has been passed on.
+    goes on. `to_restore` are lines that make the card what its profile says again, where a cut has changed it.
+    `limits_seen` are the travel limits on which the machine stood when the operator went on after a stop: it may
+    be jogged off them. `hold_asked` is set by the operator, `holding` when it has been passed on.
     """
 
     def __init__(
@@ -73,6 +74,7 @@ class Workplace:
         self.started: Armed | None = None
         self.record: RunRecord | None = None
         self.seen: Callable[[Snapshot], None] | None = None
+        self.to_restore: tuple[str, ...] = ()
         self.limits_seen: frozenset[str] = frozenset()
         self.hold_asked = False
         self.holding = False

@@ -18,6 +18,7 @@ from console.session.reaching import Reached
 from console.session.signals import Interruption
 from console.text.catalogue import load as words
 from drivers.cutting.plan import Strategy
+from drivers.heartbeat import Heartbeat
 from drivers.identification.request import IdentificationRequest
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
@@ -38,6 +39,7 @@ def iron(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data: Path) -
         return Reached(
             client=made.rig.client,
             lathe=made.rig.lathe,
+            heartbeat=Heartbeat(made.rig.client, made.clock, machine),
             stop=made.stop,
             owning=Owning(made.rig.lathe, "tcp:lathe:1", data),
             clock=made.clock,

@@ -103,7 +103,7 @@ def test_an_axis_that_runs_on_too_far_is_found_and_nothing_else_is_moved(machine
     found = prove_stops(made)
     (check,) = failed(found)
     assert check.code == "proof_stop_abort_jog"
-    assert found.entries == ()
+    assert {(each.way, each.origin) for each in found.entries} == {(Way.LEASE, Origin.JOG)}, "proven before"
     assert found.checks[-1] is check
 
 
@@ -112,15 +112,15 @@ def test_without_a_heartbeat_the_jog_is_stopped_in_another_way(machine: MachineP
     made = card.bench()
 
     def spoil() -> None:
-        """Somebody switches the PLC off when the lease is to be proven."""
-        if card.stop.mark == 2:  # behind control-A and control-K
+        """Somebody switches the PLC off when the lease is to be proven in a cut."""
+        if card.stop.mark == 2:  # behind control-A and control-K in the jogs
             card.sim.controller.plcs.disable((20,))
 
     found = prove_stops(replace(made, clock=Watched(card.sim, spoil)))
-    assert {check.code for check in failed(found)} == {"proof_lease", "proof_stop_lease_jog"}
+    assert {check.code for check in failed(found)} == {"proof_stop_lease_cut"}
     card.sim.wait(1.0)
     assert no_motion(card)
-    assert not {e.way for e in found.entries} & {Way.LEASE}
+    assert (Way.LEASE, Origin.CUT) not in {(each.way, each.origin) for each in found.entries}
 
 
 @pytest.mark.parametrize("after_s", [0.5, 2.5, 3.2, 14.0, 18.0])

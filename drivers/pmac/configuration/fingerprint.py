@@ -124,7 +124,8 @@ def read_fingerprint(
     )
     read = read_configuration(client, dialect, extent)
     if since is not None and known:
-        read = replace(read, programs=since.configuration.programs)
+        hidden = tuple(name for name in since.configuration.locked if name.startswith("PROG"))
+        read = replace(read, programs=since.configuration.programs, locked=(*read.locked, *hidden))
     return Fingerprint(machine=machine, configuration=read, free=free)
 
 

@@ -36,6 +36,12 @@ AT_SPEED_S = 0.1
 REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.LEASE: 15.0}
 """How long rest is waited for; behind a control-K the spindle runs out."""
 
+ORDER = (Way.LEASE, Way.ABORT, Way.KILL)
+"""The lease first: it ends what does not obey a control character that nobody has tried on this card yet."""
+
+OBEY_LIMIT_S = 0.6
+"""How long a motion is waited for to obey; within that its lease has run out, which is still guarded."""
+
 LEAST_SPEED = 0.75
 """The share of its speed at which a motion counts as being at it, by two looks over a slow line."""
 
@@ -85,7 +91,7 @@ def _all(bench: ProofBench, axes: Leased, origins: tuple[Origin, ...]) -> Measur
     needed = {(way, origin) for way, origin, _ in needed_stops(bench.judged.machine)}
     entries: list[StopEntry] = []
     checks: list[Check] = []
-    for way, origin in ((way, origin) for origin in origins for way in Way if (way, origin) in needed):
+    for way, origin in ((way, origin) for origin in origins for way in ORDER if (way, origin) in needed):
         seen = _measured(bench, axes, way, origin)
         checks += stop_checks(bench.judged, seen)
         if any(check.outcome is Outcome.FAILS for check in checks):
@@ -125,7 +131,7 @@ def _measured(bench: ProofBench, axes: Leased, way: Way, origin: Origin) -> Seen
             seen = _silence(bench, axes, before) if way is Way.LEASE else _press(bench, axes, way, before)
             lobe = lobe_ends(bench.judged.machine, axes.begin("tool")) if origin is Origin.CUT else None
             return replace(seen, origin=origin, lobe=lobe, as_meant=seen.as_meant and at_speed)
-        _until_rest(axes, before, REST_LIMIT_S[Way.LEASE])
+        _until_rest(axes, (before,), REST_LIMIT_S[Way.LEASE])
         bench.tell(f"{NOTHING_GUARDED} {LOSS_SEEN}")
         axes.close()
         axes.back()
@@ -185,10 +191,12 @@ def _press(bench: ProofBench, axes: Leased, way: Way, before: Look) -> SeenStop:
     )
     pressed_s = bench.clock.now_s()
     (stop.stop if way is Way.ABORT else stop.kill)(REASON)
-    bench.client.request(NOTHING_GUARDED)
-    looks = _until_rest(axes, before, REST_LIMIT_S[way])
+    looks, obeyed = _until_obeyed(axes, way, before)
+    if obeyed:
+        bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its lease
+    looks = _until_rest(axes, looks, REST_LIMIT_S[way])
     killed, rested = stop.killed, rests(looks)
-    if rested:
+    if rested and obeyed:
         stop.rest_proven(earlier + 1)
         with suppress(RefusedError):
             stop.release()
@@ -198,12 +206,27 @@ def _press(bench: ProofBench, axes: Leased, way: Way, before: Look) -> SeenStop:
         pressed_s=pressed_s,
         late_ms=(pressed_s - before.asked_s) * 1000.0,
         looks=looks,
-        as_meant=rested and killed == (way is Way.KILL),
+        as_meant=obeyed and rested and killed == (way is Way.KILL),
     )
 
 
-def _until_rest(axes: Leased, before: Look, limit_s: float) -> tuple[Look, ...]:
+def _until_obeyed(axes: Leased, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
+    """Look on until every motor does what the stop says; return the looks, and whether they all did."""
+    wanted = {"open_loop"} if way is Way.KILL else {"abort_deceleration", "desired_velocity_zero"}
     watch, looks = axes.watch, [before]
+    end_s = watch.clock.now_s() + OBEY_LIMIT_S
+    while watch.clock.now_s() < end_s:
+        looks.append(watch.look())
+        if looks[-1].lost:
+            break
+        if all(wanted & flags for flags in looks[-1].flags.values()):
+            return tuple(looks), True
+        watch.clock.wait(LOOK_EVERY_S)
+    return tuple(looks), False
+
+
+def _until_rest(axes: Leased, before: tuple[Look, ...], limit_s: float) -> tuple[Look, ...]:
+    watch, looks = axes.watch, list(before)
     began_s = watch.clock.now_s()
     while not rests(looks) and (passed_s := watch.clock.now_s() - began_s) < limit_s:
         watch.clock.wait(LOOK_EVERY_S if passed_s < RUNNING_OUT_S else SELDOM_S)
