@@ -16,8 +16,8 @@ REST_TIMEOUT_S = 15.0
 COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
 LOOKS_AT_REST = 3
-REST_BAND_COUNTS = 2.0
-"""Rest is so many looks in a row, between which no axis has gone further: an encoder may tremble by one."""
+REST_BAND_COUNTS = 1.0
+"""Rest is so many looks in a row, between which no axis has gone further than this."""
 
 
 def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[], None]) -> Snapshot:
