@@ -45,11 +45,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"identify {machine.machine.name}")
     try:
         with _reached(options, machine, interruption, tracing) as (rig, owning, simulated):
-            identified = _identified(options, text, rig, owning, simulated, request, teller)
+            if not simulated and not _agreed(options, rig, text):
+                return 1
+            interruption.guard(rig.lathe.stop)
+            identified = _identified(rig, owning, simulated, request, teller)
     finally:
         tell(tracing.problems, text)
-    if identified is None:
-        return 1
     file = store(data_of(options), identified)
     if options.json:
         print_json(fields_of(identified, machine.machine, str(file)))
@@ -104,7 +105,6 @@ def _reached(
     address = address_of(machine.machine, options.link, simulated=False)
     reached = reach(machine, address, data_of(options), tracing)
     try:
-        interruption.guard(reached.stop)
         rig = Rig(client=reached.client, lathe=reached.lathe, clock=reached.clock, leased=True)
         yield rig, reached.owning, reached.simulated
     finally:
@@ -130,21 +130,30 @@ def _in_memory(machine: LoadedMachine, interruption: Interruption, tracing: Trac
     return Rig(client=client, lathe=lathe, clock=simulated, leased=True)
 
 
+def _agreed(options: Namespace, rig: Rig, text: Catalogue) -> bool:
+    """Ask, while nothing was sent yet and nobody is kept from the machine: the answer may take its time.
+
+    Raises:
+        LinkError: no PMAC answers.
+    """
+    from console.cli.agreement import agreed
+
+    rig.lathe.connect()
+    return agreed(options, rig.machine.name, False, text, "identify")
+
+
 def _identified(
-    options: Namespace,
-    text: Catalogue,
     rig: Rig,
     owning: Owning | None,
     simulated: bool,
     request: IdentificationRequest,
     teller: Teller,
-) -> IdentifiedResponse | None:
-    """Ask, switch on, identify, switch off; None when nobody has agreed.
+) -> IdentifiedResponse:
+    """Switch on, identify, switch off.
 
     Raises:
         ProblemError: a refusal, or what went wrong; the machine is at rest with its drives off.
     """
-    from console.cli.agreement import agreed
     from console.session.machine_run import leave
     from drivers.identification.identify import identify, origin_of, refuse_before, take_up
     from drivers.safety import safety_problems
@@ -157,9 +166,6 @@ def _identified(
         owning.claim()
     try:
         refuse_before(rig, request)
-        if not agreed(options, rig.machine.name, simulated, text, "identify"):
-            return None
-        refuse_before(rig, request)  # the answer may have taken its time
         origin = origin_of(rig, version=version, kind=kind, simulated=simulated)
         teller.begin(origin)
         take_up(rig)
