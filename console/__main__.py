@@ -23,6 +23,7 @@ SCREEN = "console.tui.start"
 COMMANDS = (
     "jobs",
     "preview",
+    "predict",
     "program",
     "check-program",
     "run",
@@ -32,6 +33,7 @@ COMMANDS = (
     "controller",
     "doctor",
     "identify",
+    "calibrate",
 )
 MODULES = {name: f"console.cli.{name.replace('-', '_')}" for name in COMMANDS}
 

@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from drivers.snapshot import AxisName, Snapshot
 
 ARRIVED_COUNTS = 2.0
 """How far from its target a jog may be commanded to rest; positions are told in tenths of a count."""
 
 
-def arrived(snapshot: Snapshot, axis: AxisName, flag: str) -> bool:
-    """Whether an axis is in position, with this flag set, and no search for its zero is under way."""
-    flags = snapshot.axis(axis).flags
-    return flag in flags and "in_position" in flags and "home_search" not in flags
+SETTLE_S = 15.0
+"""How long an axis that rests near its target is given to be in position: thrice the servo's time constant."""
+
+REST_S = 2.0
+"""The same where nothing depends on it."""
+
+
+class Settling:
+    """Axes that come to rest, seen from look to look: in position, or for some time within their bands.
+
+    What dry friction holds off is brought in position by the integrator alone, which may take a minute.
+    """
+
+    def __init__(self, bands_counts: Mapping[AxisName, float], patience_s: float = SETTLE_S) -> None:
+        """`bands_counts` are the axes with what each may lag by where it rests, for `patience_s` at least."""
+        self._bands_counts, self._patience_s = bands_counts, patience_s
+        self._near_since_s: float | None = None
+
+    def is_over(self, snapshot: Snapshot) -> bool:
+        """Whether they rest."""
+        if all("in_position" in snapshot.axis(axis).flags for axis in self._bands_counts):
+            return True
+        if not all(nearly_arrived(snapshot, axis, band) for axis, band in self._bands_counts.items()):
+            self._near_since_s = None
+            return False
+        if self._near_since_s is None:
+            self._near_since_s = snapshot.at_s
+        return snapshot.at_s - self._near_since_s >= self._patience_s
 
 
 class HomeSearch:
@@ -22,15 +48,18 @@ class HomeSearch:
 
     RESTS = 3
 
-    def __init__(self, axis: AxisName) -> None:
+    def __init__(self, axis: AxisName, band_counts: float) -> None:
+        """`band_counts` is by how much it may lag at its zero, see `Settling`."""
         self._axis, self._rests = axis, 0
+        self._settling = Settling({axis: band_counts}, REST_S)
 
     def is_over(self, snapshot: Snapshot) -> bool:
         """Whether the zero was found, or the search has ended without one."""
         flags = snapshot.axis(self._axis).flags
         resting = "desired_velocity_zero" in flags and not {"home_search", "home_complete"} & flags
         self._rests = self._rests + 1 if resting else 0
-        return arrived(snapshot, self._axis, "home_complete") or self._rests >= self.RESTS
+        found = "home_complete" in flags and "home_search" not in flags
+        return (found and self._settling.is_over(snapshot)) or self._rests >= self.RESTS
 
 
 def nearly_arrived(snapshot: Snapshot, axis: AxisName, band_counts: float) -> bool:

@@ -12,6 +12,7 @@ from drivers.cutting.plan import CutPlan, Strategy
 from drivers.cutting.spindle_apart import with_spindle
 from drivers.cutting.steady import speed_rpm, steady_moves
 from drivers.errors import DriverError
+from drivers.identification.nominal import nominal_response, path_response
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedProgram, run_through
 from drivers.pmac.compensation.table import CompensationTable
@@ -31,13 +32,13 @@ from drivers.pmac.programs.timebase import (
     timebase_program,
 )
 from drivers.pmac.settings import settings_with
-from profiles.compensation import SMALLEST_RESPONSE, Sinusoid, delayed, invert, wanted_path
+from profiles.compensation import CutPath, LobedPath, invert, wanted_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.servo import sampled_response
+from profiles.response import AMPLIFICATION_LIMIT, ServoResponse
 
-__all__ = ["CutPlan", "Strategy", "first_spindle_counts", "plan_cut"]
+__all__ = ["CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +49,10 @@ class _Planning:
     machine: MachineProfile
     dialect: Dialect
     setup: CutSetup
-    wanted: Sinusoid
+    wanted: LobedPath
+    command: LobedPath | None = None
+    response: ServoResponse | None = None
+    trimmed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +77,16 @@ def plan_cut(
     *,
     from_turn: int = 0,
     lease: str = "",
+    path: CutPath | None = None,
+    response: ServoResponse | None = None,
+    air_mm: float = 0.0,
+    trimmed: bool = False,
 ) -> CutPlan:
     """Plan a cut. `ts_ms` is the TS of the `paper` strategy in whole ms, None as printed.
+
+    `response` is what a strategy that inverts the servo inverts: of its own path, by default that of the machine
+    profile. `path` is what was learned of this cut, with its own command; it needs none. A cut in air goes
+    `air_mm` further out. One that is `trimmed` listens to the host while it cuts, see `cam_trim`.
 
     The spindle begins `from_turn` whole turns away from its index: an axis that was never turned back since its
     home has no reason to go all the way for one angle. `lease` is a condition that the program looks at before
@@ -82,20 +94,32 @@ def plan_cut(
 
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
-            `program.no_zero_row`, `program.not_turned`, `response.too_small`), or the controller would refuse it
-            (`program.refused`).
+            `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_trim`), its servo
+            cannot be inverted (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the
+            controller would refuse it (`program.refused`).
     """
+    if trimmed:
+        _refuse_untrimmed(machine, strategy)
     turned = float(from_turn * machine.spindle.counts_per_rev)
     planning = _Planning(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
-        setup=cut_setup(job, machine, turned + first_spindle_counts(job, machine, strategy), lease),
-        wanted=wanted_path(job),
+        setup=cut_setup(job, machine, turned + first_spindle_counts(job, machine, strategy), lease, air_mm=air_mm),
+        wanted=wanted_path(job) if path is None else path.wanted,
+        command=None if path is None else path.command,
+        response=response,
+        trimmed=trimmed,
     )
     made = _make(planning, strategy, ts_ms)
-    program = _read(made.text, planning.dialect)
     checked = _checked(_make(_unleased(planning), strategy, ts_ms) if lease else made, planning)
+    return _judged(planning, strategy, made, checked)
+
+
+def _judged(planning: _Planning, strategy: Strategy, made: _Made, checked: CheckedProgram) -> CutPlan:
+    """Return the plan with everything that is found against it."""
+    job, machine = planning.job, planning.machine
+    program = _read(made.text, planning.dialect)
     loop = steady_moves(program, checked, machine)
     rpm = speed_rpm(loop, checked, machine)
     return CutPlan(
@@ -145,10 +169,10 @@ def _none(planning: _Planning) -> _Made:
 
 
 def _pvt(planning: _Planning) -> _Made:
-    return _by_pvt(planning, _inverse(planning))
+    return _by_pvt(planning, _inverse(planning, Strategy.PVT))
 
 
-def _by_pvt(planning: _Planning, command: Sinusoid) -> _Made:
+def _by_pvt(planning: _Planning, command: LobedPath) -> _Made:
     _refuse_followed(planning.machine)
     return _Made(
         text=pvt_program(planning.job, planning.setup, command),
@@ -158,14 +182,10 @@ def _by_pvt(planning: _Planning, command: Sinusoid) -> _Made:
 
 
 def _cam(planning: _Planning) -> _Made:
-    """The table looks at the spindle itself; where its motor comes behind the tool's, one cycle late."""
     job, machine, setup = planning.job, planning.machine, planning.setup
-    response = complex(sampled_response(machine, job.lobe_frequency_hz))
-    if machine.spindle.motor > machine.tool.motor:
-        response = delayed(response, job.lobe_frequency_hz, machine.controller.servo_period_ms / 1000.0)
-    cam = make_cam(machine, setup, invert(planning.wanted, response))
+    cam = make_cam(machine, setup, _command(planning, Strategy.CAM))
     return _Made(
-        text=cam_program(job, machine, setup, cam, planning.dialect),
+        text=cam_program(job, machine, setup, cam, planning.dialect, trimmed=planning.trimmed),
         tool_start=setup.retracted,
         definitions=machine.controller.axis_definitions,
         table=cam.table,
@@ -174,10 +194,29 @@ def _cam(planning: _Planning) -> _Made:
     )
 
 
+def nominal_command(
+    job: Job, machine: MachineProfile, strategy: Strategy, response: ServoResponse | None = None
+) -> LobedPath:
+    """Return the command that the loop turns into the path that the job wants.
+
+    `response` is that of the path of this strategy, by default the one of the machine profile.
+
+    Raises:
+        ProfileError: `response.amplified`, `response.outside_band`, `response.too_sparse`.
+    """
+    inverted = path_response(strategy, machine) if response is None else response
+    turns_hz = job.spindle_speed_rpm / 60.0
+    return invert(wanted_path(job), lambda lobes: inverted.invertible(lobes * turns_hz))
+
+
+def _command(planning: _Planning, strategy: Strategy) -> LobedPath:
+    return planning.command or nominal_command(planning.job, planning.machine, strategy, planning.response)
+
+
 def _timebase(planning: _Planning) -> _Made:
     """The time of a servo cycle is what the spindle has turned in the one before."""
     job, machine, setup, dialect = planning.job, planning.machine, planning.setup, planning.dialect
-    command = _inverse(planning, machine.controller.servo_period_ms / 1000.0)
+    command = _inverse(planning, Strategy.TIMEBASE)
     definitions, _ = released_definitions(machine)
     return _Made(
         text=timebase_program(job, machine, setup, command, dialect),
@@ -248,27 +287,45 @@ def _checked(made: _Made, planning: _Planning) -> CheckedProgram:
     return checked if made.table is None else with_table(checked, made.table, period_ms)
 
 
-def _inverse(planning: _Planning, delay_s: float = 0.0) -> Sinusoid:
-    """Return the command of segments of whole milliseconds, seen `delay_s` late.
+def _inverse(planning: _Planning, strategy: Strategy) -> LobedPath:
+    """Return the command of segments of whole milliseconds.
 
     Raises:
-        ProblemError: `program.too_fast` with the speed that would pass, `response.too_small`.
+        ProblemError: `program.too_fast` with the speed that would pass, `program.no_overtones`,
+            `program.no_growth`; those of `nominal_command`.
     """
-    job, machine, wanted = planning.job, planning.machine, planning.wanted
-    response = delayed(complex(sampled_response(machine, job.lobe_frequency_hz)), job.lobe_frequency_hz, delay_s)
-    command = invert(wanted, response)
+    job, machine = planning.job, planning.machine
+    command = _command(planning, strategy)
+    if command.overtones:
+        value = ", ".join(str(wave.lobes) for wave in command.overtones)
+        raise DriverError(Problem(code="program.no_overtones", key=strategy, value=value, limit=Strategy.CAM))
+    if command.growth_per_mm:
+        value = f"{100.0 * command.growth_per_mm:g} %/mm"
+        raise DriverError(Problem(code="program.no_growth", key=strategy, value=value, limit=Strategy.CAM))
     if fits_whole_milliseconds(command, job.lobe_frequency_hz):
         return command
     slower_rpm = math.floor(job.spindle_speed_rpm)
-    while slower_rpm > 1 and not _fits_at(job, machine, wanted, slower_rpm):
+    while slower_rpm > 1 and not _fits_at(job, machine, slower_rpm):
         slower_rpm -= 1
     value, limit = f"{job.spindle_speed_rpm:g} rpm", f"<= {slower_rpm} rpm"
     raise DriverError(Problem(code="program.too_fast", key="spindle_speed_rpm", value=value, limit=limit))
 
 
-def _fits_at(job: Job, machine: MachineProfile, wanted: Sinusoid, speed_rpm: float) -> bool:
+def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
+    """Whether segments are short enough at another speed, by the profile: an identified band may end before."""
     frequency_hz = job.jaws * speed_rpm / 60.0
-    response = complex(sampled_response(machine, frequency_hz))
-    if abs(response) < SMALLEST_RESPONSE:
+    response = nominal_response(Strategy.PVT, machine, frequency_hz)
+    if abs(response) * AMPLIFICATION_LIMIT < 1.0:
         return False
-    return fits_whole_milliseconds(invert(wanted, response), frequency_hz)
+    return fits_whole_milliseconds(invert(wanted_path(job), response), frequency_hz)
+
+
+def _refuse_untrimmed(machine: MachineProfile, strategy: Strategy) -> None:
+    """Refuse to learn within a cut that does not listen: without a table, or on a spindle that others turn.
+
+    Raises:
+        DriverError: `program.no_trim`.
+    """
+    if strategy is not Strategy.CAM or machine.spindle.drive != SERVO:
+        met = f"{strategy}, {machine.spindle.drive}"
+        raise DriverError(Problem(code="program.no_trim", value=met, limit=f"{Strategy.CAM}, {SERVO}"))

@@ -16,6 +16,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.exchange import REPLY_TIMEOUT_S
 from drivers.pmac.heartbeat.arming import forbidden, heartbeat_problems, permitted, silent
+from drivers.pmac.heartbeat.echo import EchoWatch
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_condition, lease_timer
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
@@ -71,11 +72,12 @@ class Heartbeat:
         self._clock = clock
         self._machine = machine
         self._dialect = DIALECTS[machine.controller.family]
-        self._policy = Policy(machine.heartbeat.policy) if policy is None else policy
+        self.policy = Policy(machine.heartbeat.policy) if policy is None else policy
         self._keeper: Keeper | None = None
         self._guarding = False
         self._i10 = 0.0
         self._owner = 0.0
+        self._echo = EchoWatch()
 
     def prepare(self) -> None:
         """Make sure that the card would end a motion without a host; load its PLC where it is not there.
@@ -89,7 +91,7 @@ class Heartbeat:
         self._keeper = None
         look, problems = self._looked()
         if any(problem.code in NOT_OURS for problem in problems):
-            self._client.download(set_up_lines(self._machine, self._dialect, self._policy))
+            self._client.download(set_up_lines(self._machine, self._dialect, self.policy))
             look, problems = self._looked()
         if problems:
             raise RefusedError(*problems)
@@ -130,12 +132,12 @@ class Heartbeat:
     @property
     def condition(self) -> str:
         """The condition without which a cutting program ends by itself; none where it is to go on to its end."""
-        return "" if self._policy is Policy.FINISH else lease_condition(self._dialect)
+        return "" if self.policy is Policy.FINISH else lease_condition(self._dialect)
 
     @property
     def ends_within_s(self) -> float:
         """How long the card may take to end a motion by itself; a cut that it lets go on has no such time."""
-        if self._policy is Policy.FINISH:
+        if self.policy is Policy.FINISH:
             return math.inf
         return (self._machine.heartbeat.grace_ms + RUN_DOWN_MS + OUT_LIMIT_MS) / 1000.0 + END_MARGIN_S
 
@@ -177,6 +179,11 @@ class Heartbeat:
         """Whether something moves on a lease of this host."""
         return self._guarding
 
+    @property
+    def silent(self) -> Problem | None:
+        """What is wrong with a PLC that does not guard what moves any more: `heartbeat.plc_silent`, or None."""
+        return self._echo.problem if self._guarding else None
+
     def ended(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
         """What was guarded has come to its end; the lease may run out.
 
@@ -204,7 +211,7 @@ class Heartbeat:
         """Read the heartbeat, again where only the rate is off: a host that was held up sees a wrong one, too."""
         for _ in range(RATE_READINGS):
             look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
-            problems = heartbeat_problems(look, self._machine, self._dialect, self._policy)
+            problems = heartbeat_problems(look, self._machine, self._dialect, self.policy)
             if any(problem.code != RATE for problem in problems) or not problems:
                 break
         return look, problems
@@ -213,7 +220,7 @@ class Heartbeat:
         if self._keeper is None:
             raise RefusedError(Problem(code="heartbeat.not_prepared", where=self._client.link.address))
         self._refuse_silent()
-        self._guarding = True
+        self._guarding, self._echo = True, EchoWatch()
         self._keeper = self._keeper.renewed(self._clock.now_s())
         return self._keeper
 
@@ -257,24 +264,29 @@ class Heartbeat:
         return keeper
 
     def _send(self, line: str, timeout_s: float) -> None:
-        """Send a renewal. One whose answer does not come is no end yet: the next look, with a lease, is one.
+        """Send a renewal, and ask for the echo with it: looks are too long for a slow line as they are.
+
+        One whose answer does not come is no end yet: the next look, with a lease, is one.
 
         Raises:
             LinkError: the link is gone.
         """
+        asked_s = self._clock.now_s()
+        self._echo.asked(asked_s)
         try:
-            self._client.request(line, timeout_s)
+            (echo,) = self._client.request(f"{line} P{ECHO}", timeout_s, lines=1)
+            self._echo.see(self._client.number(echo), asked_s)
         except LinkError as error:
             if any(problem.code in GONE for problem in error.problems):
                 raise
 
     def _renewed(self, timeout_s: float) -> float:
-        """Renew the lease if it is due; return when the next renewal is."""
+        """Renew the lease if it or the echo is due; return when the next renewal is."""
         keeper = self._kept()
         if keeper is None:
             return math.inf
         now_s = self._clock.now_s()
-        if now_s >= keeper.due_s(now_s):
+        if now_s >= min(keeper.due_s(now_s), self._echo.due_s):
             self._keeper = keeper = keeper.renewed(now_s)
             self._send(keeper.line, timeout_s)
-        return keeper.due_s(now_s)
+        return min(keeper.due_s(now_s), self._echo.due_s)

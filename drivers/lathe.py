@@ -11,8 +11,9 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
-from drivers.arrival import ARRIVED_COUNTS, HomeSearch, arrived, nearly_arrived
+from drivers.arrival import ARRIVED_COUNTS, REST_S, HomeSearch, Settling, nearly_arrived
 from drivers.clock import Clock
+from drivers.cut_gather import BatchGather
 from drivers.cutting.table_state import correction_counts, switch_off, table_problems
 from drivers.errors import ControllerError, DriverError, LinkTimeoutError, RefusedError
 from drivers.heartbeat import Heartbeat
@@ -24,6 +25,7 @@ from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.language.text import format_number
 from drivers.pmac.program_load import load_program, verify_program
 from drivers.pmac.program_text import ProgramText
+from drivers.pmac.programs.cam_trim import trim_line
 from drivers.pmac.programs.setup import HOLD_FLAG
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.verification import differences
@@ -40,7 +42,10 @@ SPEED_S = 0.5
 
 
 class Lathe:
-    """One machine at the end of one link. Methods that move check the stop first and wait for the end."""
+    """One machine at the end of one link. Methods that move check the stop first and wait for the end.
+
+    `held` is whether the program that was loaded last was asked to end by itself.
+    """
 
     def __init__(
         self,
@@ -63,6 +68,7 @@ class Lathe:
         self.machine = machine
         self.stop = stop
         self.ownership = ownership
+        self.held = False
         self._client = client
         self._clock = clock
         self._heartbeat = heartbeat
@@ -77,7 +83,7 @@ class Lathe:
         items = SnapshotItems(machine, self._dialect)
         self._looks = Looks(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
         self._sending = Sending(client, stop, self._looks, ownership)
-        self._motion = Motion(self._looks, stop, clock, heartbeat, ownership)
+        self._motion = Motion(self._looks, stop, clock, heartbeat, ownership, self.hold)
 
     @property
     def has_moved(self) -> bool:
@@ -152,11 +158,12 @@ class Lathe:
 
         Raises:
             RefusedError: `machine.hands_in`, the drives were switched off and nobody has said that it is clear;
-                `heartbeat.*`, nothing would end a motion without this host.
+                `heartbeat.*`, nothing would end a motion without this host; `safety.not_good`.
             DriverError: `machine.not_enabled`, an axis does not close.
         """
         self.stop.check()
         self._sending.refuse_unless_owner()
+        self._sending.refuse_unsafe()
         if self._heartbeat is not None and not self.stop.hands_in:
             self._heartbeat.prepare()
         for axis in self._driven:
@@ -189,7 +196,9 @@ class Lathe:
             if axis not in self._driven:
                 continue
             self._jog(f"#{self._motors[axis]}HM")
-            state = self._motion.until(HomeSearch(axis).is_over, timeout_s, f"home {axis}").axis(axis)
+            state = self._motion.until(
+                HomeSearch(axis, self._band_counts(axis)).is_over, timeout_s, f"home {axis}"
+            ).axis(axis)
             if "home_complete" not in state.flags:
                 self.stop.stop(f"home {axis}")
                 raise DriverError(Problem(code="machine.home_ended", key=axis))
@@ -205,18 +214,19 @@ class Lathe:
     ) -> None:
         """Jog one axis to a position in counts of its motor.
 
-        With `settle` it must be in position; without, it is enough that it is commanded to rest there and lags by
-        less than the warning limit Ix12: the integrator of a slow loop may take many seconds for the remainder.
+        With `settle` it is given some time to be in position, see `Settling`; without, it is enough that it is
+        commanded to rest there and lags by less than the warning limit Ix12: the integrator of a slow loop may
+        take many seconds for the remainder.
         `held_counts` is what a compensation table adds to where it is seen.
 
         Raises:
             DriverError: `machine.timeout`, `machine.fault` or `machine.not_arrived`.
         """
         self._jog(f"#{self._motors[axis]}J={format_number(counts)}")
-        done = partial(arrived, axis=axis, flag="in_position")
+        band_counts = self._band_counts(axis)
+        done = Settling({axis: band_counts}).is_over
         if not settle:
-            band = self.machine.controller.variables[f"I{self._motors[axis]}12"] / PARTS_PER_COUNT
-            done = partial(nearly_arrived, axis=axis, band_counts=band)
+            done = partial(nearly_arrived, axis=axis, band_counts=band_counts)
         state = self._motion.until(done, timeout_s, f"jog {axis}").axis(axis)
         there = state.position + state.following_error
         if abs(there - counts - held_counts) > ARRIVED_COUNTS:
@@ -224,6 +234,10 @@ class Lathe:
             value, limit = f"{there:.0f} counts", f"{counts:.0f} counts"
             self.stop.stop(f"jog {axis}")
             raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
+
+    def _band_counts(self, axis: AxisName) -> float:
+        """Return the warning limit of an axis, Ix12."""
+        return self.machine.controller.variables[f"I{self._motors[axis]}12"] / PARTS_PER_COUNT
 
     def jog_by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
         """Jog one axis by an increment in counts, from where it is commanded to be.
@@ -283,6 +297,7 @@ class Lathe:
         definitions = axis_definitions or self.machine.controller.axis_definitions
         self._controller = replace(self.machine.controller, axis_definitions=definitions)
         load_program(self._client, program)
+        self.held = False
 
     def restore(self, lines: Iterable[str]) -> None:
         """Send the lines that make the controller what the machine profile says, once a cut is over and all rests.
@@ -362,20 +377,42 @@ class Lathe:
             LinkError: the link broke or is out of step; whether the program was told is unknown.
         """
         self._sending.refuse_unless_owner()
+        self.held = True
         line = f"{HOLD_FLAG}=1"
         try:
             self._client.request(line, LOOK_TIMEOUT_S)
         except LinkTimeoutError:
             self._client.request(line, LOOK_TIMEOUT_S)
 
+    def trim(self, trim_um: complex) -> None:
+        """Ask a cut that listens for the wave Re(c exp(j lobe angle)) beside its table, c in um; see `cam_trim`.
+
+        Raises:
+            StoppedError: somebody stopped the machine; nothing was sent.
+            DriverError: the link broke, and whether the cut was told is unknown.
+        """
+        self.stop.check()
+        self._sending.refuse_unless_owner()
+        self._client.request(trim_line(trim_um, self.machine.tool.count_um), LOOK_TIMEOUT_S)
+
+    def batches(self) -> BatchGather:
+        """Return what gathers the tool and the spindle of a cut, see `drivers.cut_gather`; nothing moves by it."""
+        return BatchGather(self._client, self.machine, self._clock)
+
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float) -> Snapshot:
         """Look at the machine until the program has ended and the axes have arrived.
 
+        After `REST_S` it is enough that an axis is commanded to rest and lags by less than its warning limit.
+
         Raises:
-            DriverError: `machine.fault`, `machine.timeout`; the machine is stopped before it is raised.
+            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`; the machine is stopped before it is
+                raised. `heartbeat.plc_silent`: it was ended as the policy says.
             StoppedError: somebody stopped the machine.
         """
-        return self._motion.until(lambda s: s.in_position, timeout_s, "program", watch)
+        settling = Settling({axis: self._band_counts(axis) for axis in self._driven}, REST_S)
+        return self._motion.until(
+            lambda seen: not seen.program_running and settling.is_over(seen), timeout_s, "program", watch
+        )
 
     def wait_for_rest(self) -> Snapshot:
         """After a stop: repeat it until the controller proves that nothing moves, see `drivers.resting`.
@@ -412,6 +449,11 @@ class Lathe:
         """
         if self._heartbeat is not None:
             self._heartbeat.loss_seen()
+
+    @property
+    def unguarded(self) -> Problem | None:
+        """What is wrong with the guard of what moves now: `heartbeat.plc_silent`, None where nothing is."""
+        return None if self._heartbeat is None else self._heartbeat.silent
 
     def in_doubt(self) -> None:
         """Whatever was seen of the drives is not to be relied on any more: the next stop is a control-K."""

@@ -53,6 +53,11 @@ class Looks:
         self._client, self._clock, self._stop, self._items = client, clock, stop, items
         self._seen, self._heartbeat, self._ownership = seen, heartbeat, ownership
 
+    @property
+    def sees_devices(self) -> bool:
+        """Whether a look brings safety devices back."""
+        return bool(self._items.inputs)
+
     def in_doubt(self) -> None:
         """What the drives do now is not known, so the stop must not rely on it."""
         self._stop.loops_closed = self.loops_closed = False

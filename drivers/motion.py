@@ -9,6 +9,8 @@ from drivers.errors import DriverError
 from drivers.heartbeat import LAPSED, Heartbeat
 from drivers.looks import Looks
 from drivers.ownership import Ownership, Standing
+from drivers.pmac.heartbeat.plc import Policy
+from drivers.safety import device_problems
 from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
 from profiles.problem import Problem
@@ -24,10 +26,17 @@ class Motion:
     """Waits of one machine. Travel limits on which an axis stands when it begins to move off are no fault."""
 
     def __init__(
-        self, looks: Looks, stop: StopPath, clock: Clock, heartbeat: Heartbeat | None, ownership: Ownership | None
+        self,
+        looks: Looks,
+        stop: StopPath,
+        clock: Clock,
+        heartbeat: Heartbeat | None,
+        ownership: Ownership | None,
+        hold: Callable[[], None],
     ) -> None:
+        """`hold` asks the program that runs to end by itself, with its tool out."""
         self._looks, self._stop, self._clock = looks, stop, clock
-        self._heartbeat, self._ownership = heartbeat, ownership
+        self._heartbeat, self._ownership, self._hold = heartbeat, ownership, hold
 
     def _pause(self, seconds: float) -> None:
         if self._heartbeat is None:
@@ -45,31 +54,64 @@ class Motion:
         """Look on until it is over; `watch` is told each look of a cut. `what` names it where it goes wrong.
 
         Raises:
-            DriverError: `machine.fault`, `machine.timeout`, the machine was stopped before; and what ends it from
-                outside, see `_next_look`.
+            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, the machine was stopped before;
+                `heartbeat.plc_silent`, see `_end_unguarded`; and what ends it from outside, see `_next_look`.
         """
         deadline = self._clock.now_s() + timeout_s
         standing_on: frozenset[str] = (
             frozenset() if watch is not None or self._looks.last is None else self._looks.last.limits
         )
+        unguarded: tuple[Problem, ...] = ()
         while True:
-            snapshot = self._next_look(JOG_POLL_S if watch is None else CUT_POLL_S, deadline)
+            snapshot = self._next_look(deadline, watch)
             met = snapshot.axis_faults if watch is None else snapshot.faults
-            faults = [fault for fault in met if fault not in standing_on]
-            if faults:
-                self._stop.stop(faults[0])
-                raise DriverError(Problem(code="machine.fault", key=what, value=", ".join(faults)))
+            self._refuse_faults(snapshot, what, [fault for fault in met if fault not in standing_on])
+            if not unguarded and self._heartbeat is not None and self._heartbeat.silent is not None:
+                unguarded = (self._heartbeat.silent,)
+                deadline = min(
+                    deadline, self._end_unguarded(self._heartbeat, unguarded[0], in_cut=watch is not None)
+                )
             if watch is not None:
                 watch(snapshot)
             if done(snapshot):
                 if self._heartbeat is not None:
                     self._heartbeat.ended()
+                if unguarded:
+                    raise DriverError(*unguarded)
                 return snapshot
             if self._clock.now_s() > deadline:
                 self._stop.stop(f"{what}: {timeout_s:g} s")
-                raise DriverError(Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
+                raise DriverError(*unguarded, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
 
-    def _next_look(self, pause_s: float, deadline: float) -> Snapshot:
+    def _refuse_faults(self, snapshot: Snapshot, what: str, faults: list[str]) -> None:
+        """Stop for what is wrong; a safety device that has ended it by itself is what is told first.
+
+        Raises:
+            DriverError: `safety.not_good`, `machine.fault`.
+        """
+        problems = device_problems(snapshot.inputs)
+        if faults:
+            problems = (*problems, Problem(code="machine.fault", key=what, value=", ".join(faults)))
+        if problems:
+            self._stop.stop(faults[0] if faults else problems[0].key)
+            raise DriverError(*problems)
+
+    def _end_unguarded(self, heartbeat: Heartbeat, problem: Problem, *, in_cut: bool) -> float:
+        """End what the card would not end any more, as it would; return when it must have come to its end.
+
+        A cut that is to go on without a host goes on: it is as safe as it was.
+
+        Raises:
+            DriverError: the problem; what moved is stopped.
+        """
+        if not in_cut or heartbeat.policy is Policy.STOP:
+            self._stop.stop(problem.code)
+            raise DriverError(problem)
+        if heartbeat.policy is Policy.RETRACT:
+            self._hold()
+        return self._clock.now_s() + heartbeat.ends_within_s
+
+    def _next_look(self, deadline: float, watch: Callable[[Snapshot], None] | None) -> Snapshot:
         """Let time pass with the lease kept, and look.
 
         Raises:
@@ -78,28 +120,34 @@ class Motion:
             StoppedError: somebody stopped the machine.
         """
         try:
-            self._pause(pause_s)
+            self._pause(JOG_POLL_S if watch is None else CUT_POLL_S)
             self._stop.check()
             snapshot = self._looks.look()
             if snapshot.lost and self._heartbeat is not None and self._heartbeat.guarding:
                 raise self._heartbeat.lapse()
         except DriverError as error:
             if error.problems[0].code == LAPSED:
-                self._see_it_end(deadline)
+                self._see_it_end(deadline, watch)
             raise
         if self._ownership is not None:
             self._ownership.refuse_ousted()
         return snapshot
 
-    def _see_it_end(self, deadline: float) -> None:
-        """Look on while the card ends what has lost its host: a stop of ours would leave the tool in the part."""
+    def _see_it_end(self, deadline: float, watch: Callable[[Snapshot], None] | None) -> None:
+        """Look on while the card ends what has lost its host: a stop of ours would leave the tool in the part.
+
+        A cut that it lets go on is watched as before: a hold that is asked for is passed on.
+        """
         heartbeat = self._heartbeat
         assert heartbeat is not None  # it is what has told so
         deadline = min(deadline, self._clock.now_s() + heartbeat.ends_within_s)
         while self._clock.now_s() < deadline:
             self._stop.check()
-            if self._looks.look().at_rest and not heartbeat.is_ending():
+            snapshot = self._looks.look()
+            if snapshot.at_rest and not heartbeat.is_ending():
                 return
             if self._ownership is not None and self._ownership.standing is Standing.OUSTED:
                 return  # what moves now is another's
+            if watch is not None:
+                watch(snapshot)
             self._clock.wait(CUT_POLL_S)

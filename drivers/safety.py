@@ -52,7 +52,14 @@ def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
 
 def safety_problems(machine: MachineProfile, inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
     """Return why nobody may be near this machine when it moves; `inputs` are those that were read."""
-    return (*_unfitted(machine.safety), *_not_good(inputs))
+    return (*_unfitted(machine.safety), *device_problems(inputs))
+
+
+def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
+    """Return which of the devices that the controller sees are not as they must be: nothing may be moved then."""
+    return tuple(
+        Problem(code="safety.not_good", key=f"safety.{device}") for device, good in inputs.items() if not good
+    )
 
 
 def _unfitted(safety: Safety) -> Iterator[Problem]:
@@ -63,12 +70,6 @@ def _unfitted(safety: Safety) -> Iterator[Problem]:
             yield Problem(
                 code="safety.unknown", key=f"safety.{device}", value=fitted, limit=f"{WIRED} | {NOT_FITTED}"
             )
-
-
-def _not_good(inputs: Mapping[str, bool]) -> Iterator[Problem]:
-    for device, good in inputs.items():
-        if not good:
-            yield Problem(code="safety.not_good", key=f"safety.{device}")
 
 
 def _read(text: str) -> SafetyInput | Problem:

@@ -8,6 +8,7 @@ from drivers.errors import LinkError, RefusedError
 from drivers.looks import Looks
 from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
+from drivers.safety import device_problems
 from drivers.stop import StopPath
 from profiles.problem import Problem
 
@@ -28,6 +29,19 @@ class Sending:
         if self._ownership is not None:
             self._ownership.refuse_unless_owner()
 
+    def refuse_unsafe(self) -> None:
+        """Look at the safety devices that the controller sees, where it sees any.
+
+        Raises:
+            RefusedError: `safety.not_good`, with each that is not as it must be.
+            DriverError: the link broke.
+        """
+        if not self._looks.sees_devices:
+            return
+        problems = device_problems(self._looks.look().inputs)
+        if problems:
+            raise RefusedError(*problems)
+
     def move(self, line: str, leased: Callable[[str], str] | None = None) -> None:
         """Send a line that moves something, to axes that are under control: it must not close an open loop.
 
@@ -44,24 +58,21 @@ class Sending:
         """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
 
         Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
+        What comes before the line has left keeps it here: the way back in step, and whatever `leased` asks the
+        card, take their time.
 
         Raises:
             StoppedError: before or behind it.
-            RefusedError: `machine.hands_in` and those of `refuse_unless_owner`; nothing was sent.
+            RefusedError: `machine.hands_in`, and those of `refuse_unless_owner` and `refuse_unsafe`; nothing was
+                sent.
         """
-        if not self._client.in_step:
-            self._client.resynchronise()  # takes its time, in which somebody may stop
-        self._stop.check()
-        self.refuse_unless_owner()
-        if self._stop.hands_in:
-            raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))
+        self._refuse_now()
+        self.refuse_unsafe()
         if leased is not None:
-            line = leased(line)  # asks the card, in which time somebody may stop
-            self._stop.check()
-            self.refuse_unless_owner()  # and it has told whose the machine is now
+            line = leased(line)  # it tells whose the machine is now, too
         self.has_moved = True
         try:
-            self._client.send(line)
+            self._client.send(line, check=self._refuse_now)
             if self._stop.reason is not None:
                 self._stop.repeat()
             self._client.reply(line)
@@ -71,3 +82,9 @@ class Sending:
         if self._stop.reason is not None:
             self._stop.repeat()
         self._stop.check()
+
+    def _refuse_now(self) -> None:
+        self._stop.check()
+        self.refuse_unless_owner()
+        if self._stop.hands_in:
+            raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))

@@ -37,6 +37,11 @@ class AxisState:
     flags: frozenset[str]
 
     @property
+    def commanded(self) -> float:
+        """Where the axis is commanded to be: what it lags by is not there yet."""
+        return self.position + self.following_error
+
+    @property
     def closed(self) -> bool:
         """Whether the axis is under control."""
         return "amplifier_enabled" in self.flags and "open_loop" not in self.flags

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,19 +23,82 @@ SMALLEST_RESPONSE = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sinusoid:
-    """mean + amplitude cos(lobes (angle - crest)): `lobes` waves in a turn, a crest at `crest_deg`."""
+class Wave:
+    """amplitude cos(lobes (angle - crest)): `lobes` waves in a turn, a crest at `crest_deg`."""
 
-    mean_um: float
-    amplitude_um: float
     lobes: int
+    amplitude_um: float
     crest_deg: float
+
+    @classmethod
+    def of(cls, lobes: int, coefficient: complex) -> Wave:
+        """Return the wave Re(c exp(j lobes angle)), c in um."""
+        crest_deg = -math.degrees(cmath.phase(coefficient)) / lobes
+        return cls(lobes=lobes, amplitude_um=abs(coefficient), crest_deg=crest_deg)
+
+    @property
+    def coefficient(self) -> complex:
+        """The c of Re(c exp(j lobes angle)), in um."""
+        return self.amplitude_um * cmath.exp(-1j * self.lobes * math.radians(self.crest_deg))
 
     def at_um(self, angle_deg: ArrayLike) -> NDArray[np.float64]:
         """Return the values at spindle angles, in the shape of `angle_deg`."""
         angle = np.asarray(angle_deg, dtype=np.float64)
         wave = np.cos(self.lobes * np.radians(angle - self.crest_deg))
-        return np.asarray(self.mean_um + self.amplitude_um * wave, dtype=np.float64)
+        return np.asarray(self.amplitude_um * wave, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LobedPath:
+    """mean + amplitude cos(lobes (angle - crest)) + overtones, by the angle of the spindle.
+
+    `lobes` waves in a turn with a crest at `crest_deg` are the lobe itself; `overtones` have other numbers. All
+    waves grow by the share `growth_per_mm` with each mm from the middle of the cut towards the jaws.
+    """
+
+    mean_um: float
+    amplitude_um: float
+    lobes: int
+    crest_deg: float
+    overtones: tuple[Wave, ...] = ()
+    growth_per_mm: float = 0.0
+
+    @property
+    def waves(self) -> tuple[Wave, ...]:
+        """The lobe and the overtones."""
+        lobe = Wave(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
+        return (lobe, *self.overtones)
+
+    def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> NDArray[np.float64]:
+        """Return the values at spindle angles, so far past the middle of the cut; in the shape of `angle_deg`."""
+        waves = np.zeros(np.shape(angle_deg), dtype=np.float64)
+        for wave in self.waves:
+            waves += wave.at_um(angle_deg)
+        grown = 1.0 + self.growth_per_mm * np.asarray(past_middle_mm, dtype=np.float64)
+        return np.asarray(self.mean_um + grown * waves, dtype=np.float64)
+
+    def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
+        """Return this path with Re(c exp(j n angle)) added for each n, and so much to its mean, in um."""
+        sums = {wave.lobes: wave.coefficient for wave in self.waves}
+        for n, coefficient in coefficients.items():
+            sums[n] = sums.get(n, 0j) + coefficient
+        lobe = Wave.of(self.lobes, sums.pop(self.lobes))
+        return LobedPath(
+            mean_um=self.mean_um + mean_um,
+            amplitude_um=lobe.amplitude_um,
+            lobes=self.lobes,
+            crest_deg=lobe.crest_deg if lobe.amplitude_um else self.crest_deg,
+            overtones=tuple(Wave.of(n, sums[n]) for n in sorted(sums)),
+            growth_per_mm=self.growth_per_mm,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutPath:
+    """What a cut does: `wanted` of the tool tip, and `command`, what an axis has to be told for that."""
+
+    wanted: LobedPath
+    command: LobedPath
 
 
 def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:
@@ -65,12 +129,18 @@ def compensated_depth_um(
     return removed_depth_um(angle_deg, a0_um=a0_um, a1_um=-a1_um, b1_um=-b1_um, jaws=jaws)
 
 
-def free_state_lobe(job: Job) -> Sinusoid:
+def free_state_lobe(job: Job) -> LobedPath:
     """Return the deviation of the released part after a plain cut: high at jaw 1, mean 0."""
-    return Sinusoid(mean_um=0.0, amplitude_um=job.lobe_amplitude_um, lobes=job.jaws, crest_deg=job.lobe_phase_deg)
+    return LobedPath(
+        mean_um=0.0,
+        amplitude_um=job.lobe_amplitude_um,
+        lobes=job.jaws,
+        crest_deg=job.lobe_phase_deg,
+        growth_per_mm=(job.lobe_growth_percent_per_mm or 0.0) / 100.0,
+    )
 
 
-def wanted_path(job: Job) -> Sinusoid:
+def wanted_path(job: Job) -> LobedPath:
     """Return the path that the tool tip must really take: the depth of cut plus the free-state lobe."""
     return replace(free_state_lobe(job), mean_um=1000 * job.depth_of_cut_mm)
 
@@ -85,20 +155,27 @@ def wanted_path_um(job: Job, angle_deg: ArrayLike) -> NDArray[np.float64]:
     return wanted_path(job).at_um(angle_deg)
 
 
-def invert(wanted: Sinusoid, response: complex) -> Sinusoid:
+def invert(wanted: LobedPath, response: complex | Callable[[int], complex]) -> LobedPath:
     """Return the command that makes an axis of this response follow `wanted`.
 
-    `response` is T(j w) at the lobe frequency, from command to position. The amplitude is divided by |T|, the
-    crest comes earlier by -arg T of the lobe, a Nth of that in spindle angle. The mean passes unchanged
-    (T(0) = 1). Raises `ProfileError` (`response.too_small`) where the axis hardly moves.
+    `response` is T(j w) from command to position: at the lobe frequency for a path without overtones, else a
+    function of the waves in a turn. The amplitude is divided by |T|, the crest comes earlier by -arg T of the
+    wave, an nth of that in spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError`
+    (`response.too_small`) where the axis hardly moves.
     """
-    gain = abs(response)
+    lobe, *overtones = (_inverted(wave, response) for wave in wanted.waves)
+    return replace(wanted, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
+
+
+def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
+    here = response(wave.lobes) if callable(response) else response
+    gain = abs(here)
     if not math.isfinite(gain) or gain < SMALLEST_RESPONSE:
         raise ProfileError(
             Problem(code="response.too_small", value=f"{gain:.3g}", limit=f">= {SMALLEST_RESPONSE:g}")
         )
-    crest_deg = wanted.crest_deg + math.degrees(cmath.phase(response)) / wanted.lobes
-    return replace(wanted, amplitude_um=wanted.amplitude_um / gain, crest_deg=crest_deg)
+    crest_deg = wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes
+    return replace(wave, amplitude_um=wave.amplitude_um / gain, crest_deg=crest_deg)
 
 
 def residual_um_pp(error_um_pp: float, compensation: complex) -> float:

@@ -23,9 +23,12 @@ class Job:
     A wall equal to the radius is a solid bar. `overhang_mm` is the length in front of the jaw faces.
     `chucking_force_n` is the total over all jaws, at rest. `depth_of_cut_mm` is on the radius.
     `lobe_error_um_pp` is the free-state error, peak to peak, that a plain cut leaves (the 55 and 33 um of the
-    paper); the released part is high at spindle angle `lobe_phase_deg`, the angle of jaw 1.
-    `lobe_force_n` is the chucking force at which that error was found; a file that does not give it has its
-    error at its own chucking force. `assumed` names the keys whose values the source does not give.
+    paper); the released part is high at spindle angle `lobe_phase_deg`: at jaw 1, or `lobe_past_jaw_deg` past it
+    where that was found. `lobe_force_n` is the chucking force at which that error was found, and so are the other
+    keys of the calibration cut: speed, overhang, wall, diameter, and the names of chuck and tool. A file that does
+    not give one of them has its error at its own value. The error is that in the middle of the cut; it grows by
+    `lobe_growth_percent_per_mm` of itself with each mm from there towards the jaws. `assumed` names the keys whose
+    values the source does not give.
     """
 
     name: str
@@ -44,6 +47,14 @@ class Job:
     lobe_error_source: str
     roundness_tolerance_um: float
     lobe_force_n: float | None = None
+    lobe_spindle_speed_rpm: float | None = None
+    lobe_overhang_mm: float | None = None
+    lobe_wall_thickness_mm: float | None = None
+    lobe_diameter_mm: float | None = None
+    lobe_chuck: str | None = None
+    lobe_tool: str | None = None
+    lobe_past_jaw_deg: float | None = None
+    lobe_growth_percent_per_mm: float | None = None
     assumed: tuple[str, ...] = ()
     source: str = ""
     schema: int = 1
@@ -64,13 +75,18 @@ class Job:
         return self.chucking_force_n if self.lobe_force_n is None else self.lobe_force_n
 
     @property
+    def jaw_1_deg(self) -> float:
+        """Spindle angle of jaw 1."""
+        return self.lobe_phase_deg - (self.lobe_past_jaw_deg or 0.0)
+
+    @property
     def lobe_frequency_hz(self) -> float:
         """Eq 4 for any number of jaws: f = N rpm / 60."""
         return self.jaws * self.spindle_speed_rpm / 60
 
 
-def _number(key: str, table: str, unit: str, at_most: float) -> Field:
-    return Field(key=key, table=table, unit=unit, above=0, at_most=at_most)
+def _number(key: str, table: str, unit: str, at_most: float, *, optional: bool = False) -> Field:
+    return Field(key=key, table=table, unit=unit, above=0, at_most=at_most, optional=optional)
 
 
 _CONTENT = (
@@ -89,7 +105,15 @@ _CONTENT = (
     Field(key="lobe_phase_deg", table="lobe", unit="deg", at_least=-360, at_most=360),
     Field(key="lobe_error_source", kind=Kind.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
     _number("roundness_tolerance_um", "lobe", "um", 1000),
-    Field(key="lobe_force_n", table="lobe", unit="N", above=0, at_most=100_000, optional=True),
+    _number("lobe_force_n", "lobe", "N", 100_000, optional=True),
+    _number("lobe_spindle_speed_rpm", "lobe", "rpm", 5000, optional=True),
+    _number("lobe_overhang_mm", "lobe", "mm", 1000, optional=True),
+    _number("lobe_wall_thickness_mm", "lobe", "mm", 250, optional=True),
+    _number("lobe_diameter_mm", "lobe", "mm", 500, optional=True),
+    Field(key="lobe_chuck", kind=Kind.TEXT, table="lobe", optional=True),
+    Field(key="lobe_tool", kind=Kind.TEXT, table="lobe", optional=True),
+    Field(key="lobe_past_jaw_deg", table="lobe", unit="deg", at_least=-180, at_most=180, optional=True),
+    Field(key="lobe_growth_percent_per_mm", table="lobe", unit="%/mm", at_least=-20, at_most=20, optional=True),
 )
 
 JOB_FIELDS: tuple[Field, ...] = (

@@ -12,6 +12,7 @@ from typing import Any
 
 from profiles.fields import read_fields, schema_problem, spelled, unknown_keys
 from profiles.machine_fields import OPTIONAL_SECTIONS, SECTIONS, TOP_FIELDS, read_assumed, read_variables
+from profiles.machine_signature import signature_gaps
 from profiles.machine_spindle import inverter_problems
 from profiles.problem import Problem, ProfileError
 
@@ -41,6 +42,8 @@ class ToolAxis:
     `retract_mm` is the clearance to the surface when the tool is out. `wiper_land_mm` is the length of the
     tool's flat: a larger feed per turn leaves a thread. The three gains act on the position error: V/m,
     V/(m s) and V s/m. `damping_n_s_per_m` is the viscous equivalent of all friction (section 4.2).
+    `bus_voltage_v` feeds the amplifier, None where nobody knows it. `name` is what the tool is called at the
+    lathe.
     """
 
     motor: int
@@ -66,6 +69,8 @@ class ToolAxis:
     travel_max_mm: float
     retract_mm: float
     wiper_land_mm: float
+    bus_voltage_v: float | None = None
+    name: str = ""
 
     @property
     def count_um(self) -> float:
@@ -130,6 +135,11 @@ class Chuck:
 
     `max_force_n` is the total over all jaws. `safety_factor` is S_sp of VDI 3106: what the force at rest is
     divided by before the centrifugal loss is taken from it.
+
+    What predictions may use, None where nobody knows it: the length of the jaws along the axis; the stiffness of
+    one jaw at 1000 N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total
+    force for one N m at the wrench, and how it scatters from clamping to clamping; the lowest mode of parts in it.
+    `name` is what the chuck is called at the lathe.
     """
 
     jaws: int
@@ -137,6 +147,14 @@ class Chuck:
     jaw_radius_mm: float
     max_force_n: float
     safety_factor: float
+    jaw_length_mm: float | None = None
+    jaw_stiffness_n_per_um: float | None = None
+    jaw_contact_exponent: float | None = None
+    jaw_friction: float | None = None
+    force_per_torque_n_per_n_m: float | None = None
+    force_sd_percent: float | None = None
+    work_mode_hz: float | None = None
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,6 +174,8 @@ class Safety:
     """What guards the people at the machine: each device is "wired", "not fitted" or "unknown".
 
     Somebody has to sign (`signed_by`) for what is not fitted; with anything unknown a real machine is not armed.
+    `signed_for` is "machine" or "simulator", empty where nobody has signed: a profile signed for the simulator is
+    refused on a real link.
     `inputs` says which of them the controller sees, in its language: "guard->Y:$FFC2,3=1", the bit and its value
     when all is well.
     """
@@ -168,6 +188,7 @@ class Safety:
     key_removed: str = "unknown"
     spindle_permit: str = "unknown"
     signed_by: str = ""
+    signed_for: str = ""
     inputs: tuple[str, ...] = ()
 
     @property
@@ -220,6 +241,7 @@ def machine_from_table(table: Mapping[str, Any], *, where: str = "") -> MachineP
     sections = _read_sections(table, where, problems)
     problems += _crossings(sections, where)
     problems += inverter_problems(sections, where=where)
+    problems += signature_gaps(sections, where=where)
     problems += read_assumed(values.get("assumed", ()), where=where)
     if problems:
         raise ProfileError(*problems)

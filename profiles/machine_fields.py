@@ -13,6 +13,7 @@ FAMILIES = ("pmac", "turbo")
 SPINDLE_DRIVES = ("servo", "inverter")
 LOSS_POLICIES = ("retract", "finish", "stop")
 FITTED = ("wired", "not fitted", "unknown")
+SIGNED_FOR = ("machine", "simulator")
 
 # Suffixes (Ixx..) whose value 0 means "no limit" on this controller: following error, abort deceleration,
 # program velocity, program acceleration, jog acceleration.
@@ -41,6 +42,11 @@ _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
 def _positive(key: str, unit: str, at_most: float) -> Field:
     return Field(key=key, unit=unit, above=0, at_most=at_most)
+
+
+def _known(key: str, unit: str, at_most: float) -> Field:
+    """A number above 0 that a profile may leave out where nobody knows it."""
+    return Field(key=key, unit=unit, above=0, at_most=at_most, optional=True)
 
 
 def _travel(key: str) -> Field:
@@ -96,6 +102,8 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _travel("travel_max_mm"),
             _positive("retract_mm", "mm", 100),
             _positive("wiper_land_mm", "mm", 10),
+            _known("bus_voltage_v", "V", 1000),
+            Field(key="name", kind=Kind.TEXT, default=""),
         ),
         "spindle": (
             _MOTOR,
@@ -122,6 +130,14 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("jaw_radius_mm", "mm", 1000),
             _positive("max_force_n", "N", 1_000_000),
             Field(key="safety_factor", at_least=1, at_most=10),
+            _known("jaw_length_mm", "mm", 1000),
+            _known("jaw_stiffness_n_per_um", "N/um", 10_000),
+            Field(key="jaw_contact_exponent", at_least=0, at_most=0.9, optional=True),
+            _known("jaw_friction", "", 1),
+            _known("force_per_torque_n_per_n_m", "N/(N m)", 100_000),
+            _known("force_sd_percent", "%", 50),
+            _known("work_mode_hz", "Hz", 100_000),
+            Field(key="name", kind=Kind.TEXT, default=""),
         ),
         "heartbeat": (
             Field(key="policy", kind=Kind.CHOICE, choices=LOSS_POLICIES, default="retract"),
@@ -136,6 +152,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _fitted("key_removed"),
             _fitted("spindle_permit"),
             Field(key="signed_by", kind=Kind.TEXT, default=""),
+            Field(key="signed_for", kind=Kind.CHOICE, choices=SIGNED_FOR, default=""),
             Field(key="inputs", kind=Kind.TEXTS, default=()),
         ),
     }

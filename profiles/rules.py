@@ -14,8 +14,13 @@ Codes, with what is refused:
 - `rule.carriage_travel`       a cut whose ends the carriage cannot reach
 - `rule.tool_force`            a lobe that needs more than the continuous thrust of the tool axis
 - `rule.encoder_acceleration`  a lobe that shakes the tool harder than its encoder allows
+- `rule.grip_need`             (warning) the same below what the cut needs, S_z F_spz
+- `rule.material_unknown`      (warning) a material without numbers: what the cut needs of the grip counts as 0
+- `rule.clamp_stress`          (warning) a thin part that yields under the jaws
+- `rule.clamp_scatter`         (warning) a lobe that changes by more than the tolerance from clamping to clamping
 - `rule.jaws_differ`           (warning) another number of jaws than the machine's own chuck
 - `rule.force_differs`         (warning) another chucking force than the one at which the lobe error was found
+- `rule.lobe_differs`          (warning) another speed, length, chuck or tool than the lobe error was found with
 """
 
 from __future__ import annotations
@@ -25,11 +30,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from profiles.chucking.grip import CUT_SAFETY, MOST_GRIP_LOSS, cut_grip_n
+from profiles.chucking.grip import centrifugal_loss_n as loss_n
+from profiles.chucking.holding import holding_of
+from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
+from profiles.cutting import cutting_force
 from profiles.job import Job
+from profiles.lobe_conditions import force_as_found, lobe_differences
 from profiles.machine import MachineProfile
+from profiles.materials import Material, material_or_none, unknown_material
 from profiles.problem import Problem
-
-MOST_GRIP_LOSS = 0.67
 
 SAME_FORCE = 0.005
 """Share by which two chucking forces may differ and still be the same setting of the wrench."""
@@ -56,12 +66,14 @@ def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     return (
         *_part(job, machine),
         *_grip(job, machine),
+        *_clamping(job, machine),
         _at_most("rule.feed_over_land", "feed_mm_per_rev", job.feed_mm_per_rev, machine.tool.wiper_land_mm, "mm"),
         _tool_travel(job, machine),
         _carriage_travel(job, machine),
         *_tool_load(job, machine),
         _jaws(job, machine),
         force_as_measured(job),
+        *lobe_as_found(job, machine),
     )
 
 
@@ -70,15 +82,46 @@ def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(finding for finding in findings if finding.severity is Severity.REFUSAL)
 
 
+def mass_radius_kg_m(job: Job, machine: MachineProfile) -> float:
+    """Return M_c, the sum of mass times radius of the jaws."""
+    return job.jaws * machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000
+
+
 def centrifugal_loss_n(job: Job, machine: MachineProfile) -> float:
     """Return the chucking force that the jaws' own mass takes away at speed: F_c = sum(m r) (pi n / 30)^2."""
-    mass_radius_kg_m = job.jaws * machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000
-    return mass_radius_kg_m * (math.pi * job.spindle_speed_rpm / 30) ** 2
+    return loss_n(mass_radius_kg_m(job, machine), job.spindle_speed_rpm)
 
 
 def grip_margin_n(job: Job, machine: MachineProfile) -> float:
     """Return the clamping force that may be counted on at speed: F_sp0 / S_sp - F_c (VDI 3106)."""
     return job.chucking_force_n / machine.chuck.safety_factor - centrifugal_loss_n(job, machine)
+
+
+def needed_grip_n(job: Job, machine: MachineProfile) -> float:
+    """Return what the grip margin should at least be: S_z F_spz of the cut; 0 for a material without numbers."""
+    material = material_or_none(job.material)
+    return 0.0 if material is None else CUT_SAFETY * cut_grip(job, machine, material)
+
+
+def cut_grip(job: Job, machine: MachineProfile, material: Material) -> float:
+    """Return F_spz of the cut of a job, N over all jaws."""
+    holding = holding_of(machine)
+    return cut_grip_n(
+        cutting_force(material, job.depth_of_cut_mm, job.feed_mm_per_rev),
+        friction=holding.friction,
+        overhang_mm=job.overhang_mm,
+        jaw_length_mm=holding.jaw_length_mm,
+    )
+
+
+def lobe_um_per_n(job: Job, machine: MachineProfile) -> float:
+    """Return the job's own lobe for one newton of grip at speed, um p-p: E / (F_sp0 - F_c) as it was found.
+
+    0 where the jaws held nothing then.
+    """
+    found_rpm = job.lobe_spindle_speed_rpm or job.spindle_speed_rpm
+    held_n = job.error_force_n - loss_n(mass_radius_kg_m(job, machine), found_rpm)
+    return job.lobe_error_um_pp / held_n if held_n > 0 else 0.0
 
 
 def same_force(one_n: float, other_n: float) -> bool:
@@ -88,10 +131,18 @@ def same_force(one_n: float, other_n: float) -> bool:
 
 def force_as_measured(job: Job) -> Finding:
     """Return whether the part is held as it was when its lobe error was found: the error goes with the force."""
-    severity = Severity.OK if same_force(job.chucking_force_n, job.error_force_n) else Severity.WARNING
+    severity = Severity.OK if force_as_found(job) else Severity.WARNING
     value, limit = f"{job.chucking_force_n:.6g} N", f"{job.error_force_n:.6g} N"
     problem = Problem(code="rule.force_differs", key="chucking_force_n", value=value, limit=limit)
     return Finding(severity=severity, problem=problem)
+
+
+def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Return what else differs from the cut in which the lobe error was found; one finding where nothing does."""
+    differing = lobe_differences(job, chuck=machine.chuck.name, tool=machine.tool.name)
+    if not differing:
+        return (Finding(severity=Severity.OK, problem=Problem(code="rule.lobe_differs", key="lobe_error_um_pp")),)
+    return tuple(Finding(severity=Severity.WARNING, problem=problem) for problem in differing)
 
 
 def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -111,10 +162,46 @@ def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     margin_n, loss_n = grip_margin_n(job, machine), centrifugal_loss_n(job, machine)
     most_n = MOST_GRIP_LOSS * job.chucking_force_n
+    need_n = needed_grip_n(job, machine)
     return (
         _finding("rule.grip_margin", "chucking_force_n", margin_n >= 0, margin_n, ">=", 0, "N"),
+        _finding(
+            "rule.grip_need",
+            "chucking_force_n",
+            margin_n >= need_n,
+            margin_n,
+            ">=",
+            need_n,
+            "N",
+            Severity.WARNING,
+        ),
         _at_most("rule.grip_loss", "spindle_speed_rpm", loss_n, most_n, "N"),
     )
+
+
+def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """What the force does to the part; a stress where there is a material, and a wall thin enough to bend."""
+    material, holding = material_or_none(job.material), holding_of(machine)
+    scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_share * job.chucking_force_n
+    scatter = _at_most(
+        "rule.clamp_scatter", "chucking_force_n", scatter_um, job.roundness_tolerance_um, "um", Severity.WARNING
+    )
+    if material is None:
+        unknown = Finding(severity=Severity.WARNING, problem=unknown_material(job.material))
+        return (unknown, scatter)
+    known = Finding(severity=Severity.OK, problem=unknown_material(job.material))
+    if not is_thin(job.wall_thickness_mm, job.radius_mm):
+        return (known, scatter)
+    ring = Ring(
+        outside_mm=job.diameter_mm,
+        wall_mm=job.wall_thickness_mm,
+        length_mm=holding.jaw_length_mm,
+        material=material,
+    )
+    stress_mpa = bending_stress_mpa(ring, job.jaws, job.chucking_force_n / job.jaws)
+    strength = material.yield_mpa
+    stress = _at_most("rule.clamp_stress", "chucking_force_n", stress_mpa, strength, "MPa", Severity.WARNING)
+    return (known, stress, scatter)
 
 
 def _tool_travel(job: Job, machine: MachineProfile) -> Finding:
@@ -158,13 +245,24 @@ def _jaws(job: Job, machine: MachineProfile) -> Finding:
     )
 
 
-def _at_most(code: str, key: str, value: float, most: float, unit: str) -> Finding:
-    return _finding(code, key, value <= most, value, "<=", most, unit)
+def _at_most(
+    code: str, key: str, value: float, most: float, unit: str, otherwise: Severity = Severity.REFUSAL
+) -> Finding:
+    return _finding(code, key, value <= most, value, "<=", most, unit, otherwise)
 
 
-def _finding(code: str, key: str, holds: bool, value: float, relation: str, bound: float, unit: str) -> Finding:
+def _finding(
+    code: str,
+    key: str,
+    holds: bool,
+    value: float,
+    relation: str,
+    bound: float,
+    unit: str,
+    otherwise: Severity = Severity.REFUSAL,
+) -> Finding:
     problem = Problem(code=code, key=key, value=f"{value:.6g} {unit}", limit=f"{relation} {bound:.6g} {unit}")
-    return Finding(severity=Severity.OK if holds else Severity.REFUSAL, problem=problem)
+    return Finding(severity=Severity.OK if holds else otherwise, problem=problem)
 
 
 def _span(code: str, key: str, holds: bool, met_mm: tuple[float, float], low_mm: float, high_mm: float) -> Finding:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from console.cli.library import machine_of
+from console.cli.library import address_told, is_real, profile_of
+from console.cli.warn import tell
+from console.text.catalogue import Catalogue
 from drivers.clock import Clock, RealClock
-from drivers.link.address import SimulatedAddress, parse_address
+from drivers.link.address import SimulatedAddress
 from drivers.link.opening import open_link
+from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.stop import StopPath
@@ -20,8 +24,6 @@ if TYPE_CHECKING:
     from drivers.link.base import Link
     from profiles.machine import MachineProfile
     from profiles.store import LoadedMachine
-
-SIMULATED = SimulatedAddress()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,25 +46,24 @@ class Card:
 
 
 @contextmanager
-def opened_card(options: Namespace) -> Iterator[Card]:
-    """Connect, and let go again at the end.
+def opened_card(options: Namespace, text: Catalogue) -> Iterator[Card]:
+    """Connect, with a trace where one is asked for, and let go again at the end.
 
     Raises:
         ProfileError: the machine profile.
         LinkError: it cannot be reached, or is no PMAC.
+        DriverError: `link.trace_unwritable`; nothing was opened.
     """
-    machine = machine_of(options)
-    told = options.link or machine.machine.link
-    address = parse_address(told) if told and not options.sim else SIMULATED
-    if isinstance(address, SimulatedAddress):
-        with _simulated(machine) as link:
-            yield _connected(link, machine.machine, simulated=True)
-        return
-    link = open_link(address)
+    machine = profile_of(options)
+    address = address_told(options, machine)
+    title = f"{options.command} {machine.machine.name}"
+    tracing = Tracing(None if options.trace is None else Path(options.trace), title)
     try:
-        yield _connected(link, machine.machine, simulated=False)
+        opening = _simulated(machine) if isinstance(address, SimulatedAddress) else closing(open_link(address))
+        with opening as link:
+            yield _connected(link, machine.machine, tracing, simulated=not is_real(address))
     finally:
-        link.close()
+        tell(tracing.problems, text)
 
 
 @contextmanager
@@ -71,17 +72,15 @@ def _simulated(machine: LoadedMachine) -> Iterator[Link]:
 
     process = SimulatorProcess.start(machine.path)
     try:
-        link = open_link(process.address)
-        try:
+        with closing(open_link(process.address)) as link:
             yield link
-        finally:
-            link.close()
     finally:
         process.close()
 
 
-def _connected(link: Link, machine: MachineProfile, *, simulated: bool) -> Card:
+def _connected(link: Link, machine: MachineProfile, tracing: Tracing, *, simulated: bool) -> Card:
     clock = RealClock()
+    link = tracing.of(link, clock.now_s)
     client = PmacClient(link, clock)
     version, kind = client.connect()
     return Card(

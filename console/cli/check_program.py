@@ -7,7 +7,7 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from console.cli.library import machine_of
+from console.cli.library import profile_of
 from console.cli.move_table import move_tables
 from console.cli.output import print_json
 from console.cli.plain_number import PlainNumber
@@ -42,7 +42,7 @@ _MARKS = {Level.FAULT: "✗", Level.WARNING: "!", Level.NOTICE: "·"}
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print what a program does; 1 when the controller or the machine would not put up with it."""
-    machine = machine_of(options).machine
+    machine = profile_of(options).machine
     checked = _checked(options, machine)
     if options.json:
         print_json(_fields(options, machine, checked, text))

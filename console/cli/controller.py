@@ -9,8 +9,9 @@ from pathlib import Path
 
 from console.cli.card_access import Card, opened_card
 from console.cli.check_lines import check_fields, check_lines, summary
-from console.cli.library import data_of
+from console.cli.library import data_of, refuse_unsigned
 from console.cli.output import print_json
+from console.cli.signature_checks import signature_checks
 from console.text.catalogue import Catalogue
 from drivers.errors import RefusedError
 from drivers.ownership import Ownership
@@ -32,7 +33,7 @@ BACKUP_FOLDER = "backups"
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Do what is asked for; 1 when something fails or differs."""
-    with opened_card(options) as card:
+    with opened_card(options, text) as card:
         return ACTIONS[options.action](options, card, text)
 
 
@@ -72,7 +73,8 @@ def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
 
 
 def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
-    checks = verify(card.client, card.machine, card.dialect).checks
+    verified = verify(card.client, card.machine, card.dialect).checks
+    checks = in_order([*verified, *signature_checks(card)])
     told = checks if options.json else tuple(c for c in checks if c.outcome is not Outcome.HOLDS)
     if options.json:
         print_json({**identity(card), "checks": check_fields(told, text)})
@@ -104,6 +106,8 @@ def _diff(options: Namespace, card: Card, text: Catalogue) -> int:
 
 
 def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
+    if options.yes and not card.simulated:
+        refuse_unsigned(card.machine)
     judged = Judged(configuration=read_of_machine(card.client, card.machine, card.dialect), machine=card.machine)
     writes = gain_writes(judged)
     backup = _backup_path(options, card) if writes and options.yes else None

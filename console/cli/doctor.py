@@ -11,6 +11,7 @@ from console.cli.card_access import Card, opened_card
 from console.cli.check_lines import check_fields, check_lines, summary
 from console.cli.controller import head, identity
 from console.cli.output import print_json
+from console.cli.signature_checks import signature_checks
 from console.cli.stop_checks import keep_stops, stop_checks
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
@@ -23,14 +24,16 @@ from drivers.pmac.configuration.verification import Verification, in_order, veri
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Check, and prove if that is asked for; 1 when something fails."""
-    with opened_card(options) as card:
+    with opened_card(options, text) as card:
+        unsigned = signature_checks(card)
         verification = verify(card.client, card.machine, card.dialect)
-        moves = options.prove and agreed(options, card.machine.name, card.simulated, text, "doctor")
+        asked = options.prove and not unsigned
+        moves = asked and agreed(options, card.machine.name, card.simulated, text, "doctor")
         if moves and not card.simulated:
             verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken its time
         proofs = _proven(options, card, verification) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
-    checks = in_order([*verification.checks, *stops, *proofs])
+    checks = in_order([*verification.checks, *unsigned, *stops, *proofs])
     if options.json:
         print_json({**identity(card), "checks": check_fields(checks, text)})
     else:
@@ -51,7 +54,7 @@ def _proven(options: Namespace, card: Card, verification: Verification) -> tuple
     ownership = Ownership(card.client)
     ownership.claim()
     try:
-        proven = prove(card.client, card.stop, card.clock, verification)
+        proven = prove(card.client, card.stop, card.clock, verification, ownership.number)
     finally:
         with suppress(DriverError):
             ownership.release()

@@ -105,7 +105,7 @@ def _reached(
     address = address_of(machine.machine, options.link, simulated=False)
     reached = reach(machine, address, data_of(options), tracing)
     try:
-        rig = Rig(client=reached.client, lathe=reached.lathe, clock=reached.clock, leased=True)
+        rig = Rig(client=reached.client, lathe=reached.lathe, clock=reached.clock)
         yield rig, reached.owning, reached.simulated
     finally:
         reached.close()
@@ -127,7 +127,7 @@ def _in_memory(machine: LoadedMachine, interruption: Interruption, tracing: Trac
     interruption.guard(stop)
     heartbeat = Heartbeat(client, simulated, machine.machine)
     lathe = Lathe(client, machine.machine, simulated, stop, heartbeat=heartbeat)
-    return Rig(client=client, lathe=lathe, clock=simulated, leased=True)
+    return Rig(client=client, lathe=lathe, clock=simulated)
 
 
 def _agreed(options: Namespace, rig: Rig, text: Catalogue) -> bool:

@@ -17,9 +17,16 @@ if TYPE_CHECKING:
 STRATEGIES = ("none", "paper", "pvt", "cam", "timebase")
 DEFAULT_STRATEGY = "pvt"
 IDENTIFIED = ("pvt", "cam", "timebase")
+MOST_PARTS = 20
+"""Parts in a row that learn."""
+
 TS_LIMIT_MS = 1000
+CALIBRATIONS = ("wrench", "deflection")
 DIALECTS = ("pmac", "turbo")
-PLANTS = ("ideal", "mounted", "realistic")
+REFERENCE_CIRCLES = ("LSC", "MZC", "MCC", "MIC")
+PLANTS = ("ideal", "mounted", "paper", "realistic")
+PLANT_FILE = "FILE.toml"
+MOST_CLAMPING_SD_PERCENT = 50.0
 DEFAULT_PLANT = "ideal"
 SEED_LIMIT = 2**32 - 1
 SLOWEST, FASTEST = 0.01, 100.0
@@ -82,12 +89,14 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--link", metavar="ADDRESS", help=text("help.link"))
     parser.add_argument("--trace", metavar="FILE", help=text("help.trace"))
     parser.add_argument("--data", metavar="FOLDER", help=text("help.data"))
+    _plant(parser, text, absent=None)
     _language(parser, text)
     commands = parser.add_subparsers(
         dest="command", metavar="COMMAND", title=text("help.commands"), parser_class=Parser
     )
     _jobs(commands, text)
     _preview(commands, text)
+    _predict(commands, text)
     _program(commands, text)
     _check_program(commands, text)
     _run(commands, text)
@@ -97,6 +106,7 @@ def build(text: Catalogue) -> Parser:
     _controller(commands, text)
     _doctor(commands, text)
     _identify(commands, text)
+    _calibrate(commands, text)
     return parser
 
 
@@ -104,10 +114,19 @@ def _jobs(commands: _Commands, text: Catalogue) -> None:
     _command(commands, "jobs", text)
 
 
+def _predict(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "predict", text)
+    _job(parser, text)
+    _machine(parser, text)
+
+
 def _preview(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "preview", text)
     _job(parser, text)
     _machine(parser, text)
+    strategy_help = text("help.preview.strategy")
+    parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=strategy_help)
+    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
 
 
 def _program(commands: _Commands, text: Catalogue) -> None:
@@ -131,9 +150,10 @@ def _run(commands: _Commands, text: Catalogue) -> None:
     _job(parser, text)
     _machine(parser, text)
     parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.sim"))
-    parser.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
+    _link(parser, text)
     _strategy(parser, text)
-    parser.add_argument("--trace", metavar="FILE", default=argparse.SUPPRESS, help=text("help.trace"))
+    _plant(parser, text)
+    parser.add_argument("--learn", metavar="PARTS", type=_parts, help=text("help.learn"))
     parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
 
 
@@ -145,8 +165,7 @@ def _simulator(commands: _Commands, text: Catalogue) -> None:
     parser.add_argument("--control", metavar="ADDRESS", type=_control, help=text("help.control"))
     _machine(parser, text)
     parser.add_argument("--dialect", choices=DIALECTS, help=text("help.dialect"))
-    parser.add_argument("--plant", choices=PLANTS, default=DEFAULT_PLANT, help=text("help.plant"))
-    parser.add_argument("--seed", metavar="N", type=_seed, help=text("help.seed"))
+    _plant(parser, text)
     parser.add_argument("--saved", metavar="FILE", help=text("help.saved"))
     parser.add_argument("--speed", metavar="X", type=_speed, default=1.0, help=text("help.speed"))
 
@@ -160,7 +179,14 @@ def _fault(commands: _Commands, text: Catalogue) -> None:
 def _roundness(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "roundness", text)
     parser.add_argument("file", metavar="FILE.csv", help=text("help.file"))
-    parser.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
+    filters = parser.add_mutually_exclusive_group()
+    filters.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
+    filters.add_argument("--band", metavar="LOW:HIGH", type=_band, help=text("help.band"))
+    parser.add_argument("--circle", choices=REFERENCE_CIRCLES, default="LSC", help=text("help.circle"))
+    parser.add_argument("--robust", action="store_true", help=text("help.robust"))
+    parser.add_argument("--vblock", metavar="DEG", type=_number, help=text("help.vblock"))
+    parser.add_argument("--lobes", metavar="N", type=_whole, help=text("help.lobes"))
+    parser.add_argument("--job", metavar="JOB", help=text("help.roundness_job"))
 
 
 def _controller(commands: _Commands, text: Catalogue) -> None:
@@ -174,7 +200,7 @@ def _controller(commands: _Commands, text: Catalogue) -> None:
         if takes_file:
             action.add_argument("file", metavar="FILE", help=text("help.backup_file"))
         _machine(action, text)
-        action.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
+        _link(action, text)
         if name == "apply":
             action.add_argument("--yes", action="store_true", help=text("help.controller.yes"))
 
@@ -182,7 +208,7 @@ def _controller(commands: _Commands, text: Catalogue) -> None:
 def _doctor(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "doctor", text)
     _machine(parser, text)
-    parser.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
+    _link(parser, text)
     parser.add_argument("--prove", action="store_true", help=text("help.prove"))
     parser.add_argument("--yes", action="store_true", help=text("help.doctor.yes"))
 
@@ -191,7 +217,7 @@ def _identify(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "identify", text)
     _machine(parser, text)
     parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.identify.sim"))
-    parser.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
+    _link(parser, text)
     parser.add_argument(
         "--strategy", choices=IDENTIFIED, default=DEFAULT_STRATEGY, help=text("help.identify.strategy")
     )
@@ -200,8 +226,30 @@ def _identify(commands: _Commands, text: Catalogue) -> None:
     )
     parser.add_argument("--amplitude", metavar="UM", type=_number, help=text("help.identify.amplitude"))
     parser.add_argument("--periods", metavar="N", type=_whole, help=text("help.identify.periods"))
-    parser.add_argument("--trace", metavar="FILE", default=argparse.SUPPRESS, help=text("help.trace"))
     parser.add_argument("--yes", action="store_true", help=text("help.identify.yes"))
+
+
+def _calibrate(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "calibrate", text)
+    title = text("help.calibrate.actions")
+    actions = parser.add_subparsers(
+        dest="action", metavar="ACTION", title=title, required=True, parser_class=Parser
+    )
+    chuck = _command(actions, "chuck", text, key="calibrate.chuck")
+    chuck.add_argument("file", metavar="FILE.csv", help=text("help.calibrate.table"))
+    _machine(chuck, text)
+    chuck.add_argument("--kind", choices=CALIBRATIONS, help=text("help.calibrate.kind"))
+    chuck.add_argument("--affine", action="store_true", help=text("help.calibrate.affine"))
+    chuck.add_argument("--torque", metavar="NM", type=_number, help=text("help.calibrate.torque"))
+    chuck.add_argument("--force", metavar="N", type=_number, help=text("help.calibrate.force"))
+    chuck.add_argument("--keep", action="store_true", help=text("help.calibrate.chuck.keep"))
+    lobe = _command(actions, "lobe", text, key="calibrate.lobe")
+    lobe.add_argument("file", metavar="TRACE", help=text("help.calibrate.trace"))
+    lobe.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
+    _machine(lobe, text)
+    lobe.add_argument("--extra", metavar="N,N", type=_orders, help=text("help.calibrate.extra"))
+    lobe.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
+    lobe.add_argument("--keep", action="store_true", help=text("help.calibrate.lobe.keep"))
 
 
 def _command(commands: _Commands, name: str, text: Catalogue, key: str = "") -> Parser:
@@ -241,6 +289,20 @@ def _machine(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--machine", metavar="NAME", default=argparse.SUPPRESS, help=text("help.machine"))
 
 
+def _plant(parser: Parser, text: Catalogue, absent: str | None = argparse.SUPPRESS) -> None:
+    """Add what says how a simulated lathe really is; `absent` is what stands where nothing is said."""
+    parser.add_argument("--plant", metavar="PLANT", type=_plant_word, default=absent, help=text("help.plant"))
+    parser.add_argument("--seed", metavar="N", type=_seed, default=absent, help=text("help.seed"))
+    parser.add_argument(
+        "--clamping-sd", metavar="PERCENT", type=_clamping_sd, default=absent, help=text("help.clamping_sd")
+    )
+
+
+def _link(parser: Parser, text: Catalogue) -> None:
+    parser.add_argument("--link", metavar="ADDRESS", default=argparse.SUPPRESS, help=text("help.link"))
+    parser.add_argument("--trace", metavar="FILE", default=argparse.SUPPRESS, help=text("help.trace"))
+
+
 def _strategy(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=text("help.strategy"))
     parser.add_argument("--ts", metavar="MS", type=_ts, help=text("help.ts"))
@@ -258,8 +320,27 @@ def _seed(word: str) -> int:
     return int(word)
 
 
+def _plant_word(word: str) -> str:
+    if word not in PLANTS and not word.endswith(".toml"):
+        limit = " | ".join((*PLANTS, PLANT_FILE))
+        raise argparse.ArgumentTypeError(Parser.text("usage.plant", value=word, limit=limit))
+    return word
+
+
+def _clamping_sd(word: str) -> float:
+    percent = _number(word)
+    if not 0.0 <= percent <= MOST_CLAMPING_SD_PERCENT:
+        limit = f"{MOST_CLAMPING_SD_PERCENT:g}"
+        raise argparse.ArgumentTypeError(Parser.text("usage.clamping_sd", value=word, limit=limit))
+    return percent
+
+
 def _frequencies(word: str) -> tuple[float, ...]:
     return tuple(_number(each) for each in word.split(","))
+
+
+def _orders(word: str) -> tuple[int, ...]:
+    return tuple(_whole(each) for each in word.split(","))
 
 
 def _number(word: str) -> float:
@@ -276,6 +357,13 @@ def _whole(word: str) -> int:
     if not (word.isascii() and word.isdigit()) or len(word) > 9:
         raise argparse.ArgumentTypeError(Parser.text("usage.whole", value=word))
     return int(word)
+
+
+def _parts(word: str) -> int:
+    parts = _whole(word)
+    if not 1 <= parts <= MOST_PARTS:
+        raise argparse.ArgumentTypeError(Parser.text("usage.parts", value=word, limit=MOST_PARTS))
+    return parts
 
 
 def _start(word: str) -> dict[str, float]:
@@ -329,3 +417,14 @@ def _filter(word: str) -> float | None:
     if not 1.0 <= value <= 10_000.0:
         raise argparse.ArgumentTypeError(Parser.text("usage.filter", value=word))
     return value
+
+
+def _band(word: str) -> tuple[float, float]:
+    low, _, high = word.partition(":")
+    try:
+        band = float(low), float(high)
+    except ValueError:
+        band = 0.0, 0.0
+    if not 1.0 <= band[0] < band[1] <= 10_000.0:
+        raise argparse.ArgumentTypeError(Parser.text("usage.band", value=word))
+    return band

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.library import job_of, machine_of
+from console.cli.library import job_of, profile_of
 from console.cli.output import print_json
 from console.cli.warn import tell_warnings
 from console.session.run import plan_run
@@ -17,7 +17,7 @@ from profiles.machine import MachineProfile
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print the program; what the checker found goes to stderr."""
-    loaded, machine = job_of(options), machine_of(options).machine
+    loaded, machine = job_of(options), profile_of(options).machine
     job = loaded.job
     plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path))
     warnings = tell_warnings(plan, text)

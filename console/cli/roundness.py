@@ -2,81 +2,179 @@
 
 from __future__ import annotations
 
-import math
 from argparse import Namespace
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from console.cli.library import job_of
 from console.cli.output import print_json, roundness_fields
+from console.cli.roundness_lines import roundness_lines
+from console.cli.v_block import read_v_block, v_block_fields, v_block_lines
 from console.cli.warn import tell
 from console.text.catalogue import Catalogue
-from console.text.columns import table
 from profiles.files import printable
+from profiles.metrology.circles import ReferenceCircle
+from profiles.metrology.harmonics import Harmonic
+from profiles.metrology.size import mean_diameter_mm, tool_offset_um
+from profiles.metrology.turns import Turns, several_turns
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult, evaluate
+from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace, read_trace
 
-SHOWN_HARMONICS = (2, 3, 4, 5, 6, 7, 8, 9, 12, 15)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A trace with what it says of itself and what came of it.
+
+    `jaw_1_deg` is the angle of jaw 1 in the angles of the trace, None where it is unknown. `mean_diameter_mm` is
+    None where the trace tells no size; `tool_offset_um`, positive into the work, where there is no job to compare
+    it with either.
+    """
+
+    trace: Trace
+    header: TraceHeader
+    result: RoundnessResult
+    turns: Turns | None = None
+    jaw_1_deg: float | None = None
+    mean_diameter_mm: float | None = None
+    tool_offset_um: float | None = None
+
+    def past_jaw_1_deg(self, wave: Harmonic) -> float | None:
+        """Return how far the first crest of an undulation is past jaw 1, None where that is unknown."""
+        if self.jaw_1_deg is None:
+            return None
+        return wave.past_jaw_1_deg(self.jaw_1_deg, against_spindle=self.header.against_spindle)
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
-    result, trace = _evaluated(options.file, options.filter)
-    warnings = tell(result.warnings, text)
+    measured = _measured(options)
+    warnings = tell(measured.result.warnings, text)
+    if options.vblock is not None:
+        lobe = read_v_block(measured.result, options.vblock, options.lobes)
+        fields, lines = v_block_fields(lobe, measured.header), v_block_lines(lobe, text)
+    else:
+        shown = _of_circle(measured.result, options.circle)
+        measured = replace(measured, result=shown)
+        fields, lines = _fields(measured), roundness_lines(measured, text)
     if options.json:
-        fields = {"file": options.file, **roundness_fields(result), "meta": dict(trace.meta)}
-        print_json({**fields, "warnings": warnings})
+        print_json({"file": options.file, **fields, "meta": dict(measured.trace.meta), "warnings": warnings})
         return 0
-    print("\n".join(_lines(result, text)))
+    print("\n".join(lines))
     return 0
 
 
-def _evaluated(file: str, filter_upr: float | None) -> tuple[RoundnessResult, Trace]:
-    """Return the result with every warning, and the trace; every problem names the file."""
-    where = printable(file)
-    trace = read_trace(Path(file))
-    radius_mm, unusable = _radius_mm(trace)
-    state = trace.meta.get("state", "unknown")
+def _measured(options: Namespace) -> Measured:
+    """Return what came of the trace with every warning; every problem of it names the file."""
+    where = printable(options.file)
+    job = job_of(options).job if options.job else None
+    trace = read_trace(Path(options.file))
+    header, warnings = header_of(trace.meta)
+    _refuse_method(header, options, where)
     try:
-        result = evaluate(trace.angle_deg, trace.deviation_um, filter_upr, state=state, radius_mm=radius_mm)
+        turns, result = _evaluated(trace, header, options)
     except ProfileError as error:
         raise ProfileError(*(replace(problem, where=where) for problem in error.problems)) from error
-    warnings = (replace(problem, where=where) for problem in (*unusable, *result.warnings))
-    return replace(result, warnings=tuple(warnings)), trace
-
-
-def _radius_mm(trace: Trace) -> tuple[float | None, tuple[Problem, ...]]:
-    """Return the radius that the trace states, None where it states none, with a warning where it is no radius."""
-    stated = trace.meta.get("radius_mm")
-    if stated is None:
-        return None, ()
-    try:
-        radius_mm = float(stated)
-    except ValueError:
-        radius_mm = math.nan
-    if math.isfinite(radius_mm) and radius_mm > 0.0:
-        return radius_mm, ()
-    shown = printable(stated, 60) or '""'
-    return None, (Problem(code="trace.radius", key="radius_mm", value=shown, limit="> 0 mm"),)
-
-
-def _lines(result: RoundnessResult, text: Catalogue) -> list[str]:
-    filtered = f"{result.filter_upr:g} UPR" if result.filter_upr is not None else text("roundness.no_filter")
-    head = text("roundness.head", circle=result.reference_circle, filter=filtered, points=result.points)
-    state = text(
-        "roundness.state", state=text(f"state.{result.state}") if result.state in _STATES else result.state
+    warnings = (*warnings, *result.warnings)
+    size_mm = offset_um = None
+    if header.radius_mm is not None and header.size != "relative":
+        size_mm = mean_diameter_mm(header.radius_mm, result.mean_deviation_um)
+    if job is not None and size_mm is not None:
+        offset_um = tool_offset_um(size_mm, job.diameter_mm - 2.0 * job.depth_of_cut_mm)
+    elif job is not None:
+        warnings = (*warnings, Problem(code="trace.no_size", key="radius_mm", limit="# radius_mm: R"))
+    return Measured(
+        trace=trace,
+        header=header,
+        result=replace(result, warnings=tuple(replace(problem, where=where) for problem in warnings)),
+        turns=turns,
+        jaw_1_deg=header.jaw_1_of(None if job is None else job.jaw_1_deg),
+        mean_diameter_mm=size_mm,
+        tool_offset_um=offset_um,
     )
-    rows = [
-        ("RONt", f"{result.ront_um:z.3f}", "um"),
-        ("RONp", f"{result.ronp_um:z.3f}", "um"),
-        ("RONv", f"{result.ronv_um:z.3f}", "um"),
-        ("RONq", f"{result.ronq_um:z.3f}", "um"),
-        (text("roundness.eccentricity"), f"{result.eccentricity_um:z.3f}", "um"),
-    ]
-    shown = [h for h in result.harmonics if h.n in SHOWN_HARMONICS]
-    waves = [(text("roundness.n"), text("roundness.amplitude"), text("roundness.crest"))]
-    waves += [(str(h.n), f"{h.amplitude_um:z.3f} um", f"{h.phase_deg:z.2f} deg") for h in shown]
-    return [head, state, "", *table(rows, numeric=(1,)), "", *table(waves, numeric=(0, 1, 2))]
 
 
-_STATES = ("free", "clamped", "unknown")
+def _evaluated(trace: Trace, header: TraceHeader, options: Namespace) -> tuple[Turns | None, RoundnessResult]:
+    above_upr, filter_upr = options.band or (None, options.filter)
+    angle_deg, deviation_um, turns = trace.angle_deg, trace.deviation_um, None
+    if header.turns > 1:
+        turns = several_turns(angle_deg, deviation_um, header.turns)
+        angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
+    result = evaluate(
+        angle_deg,
+        deviation_um,
+        filter_upr,
+        state=header.state,
+        radius_mm=header.radius_mm if options.vblock is None else None,
+        above_upr=above_upr,
+        robust=options.robust,
+    )
+    return turns, result
+
+
+def _refuse_method(header: TraceHeader, options: Namespace, where: str) -> None:
+    if header.method == "two_point":
+        raise ProfileError(Problem(code="trace.two_point", where=where, key="method", value="two_point"))
+    asked = header.method == "v_block" or options.vblock is not None or options.lobes is not None
+    if asked and (options.vblock is None or options.lobes is None):
+        raise ProfileError(Problem(code="trace.v_block", where=where, limit="--vblock DEG --lobes N"))
+
+
+def _of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
+    """Return the result with the figures of another reference circle."""
+    circle = result.circle(kind)
+    if kind == result.reference_circle:
+        return result
+    return replace(
+        result,
+        reference_circle=kind,
+        ront_um=circle.ront_um,
+        ronp_um=circle.ronp_um,
+        ronv_um=circle.ronv_um,
+        ronq_um=circle.ronq_um,
+        centre_x_um=circle.centre_x_um,
+        centre_y_um=circle.centre_y_um,
+    )
+
+
+def _fields(measured: Measured) -> dict[str, object]:
+    result, header = measured.result, measured.header
+    return {
+        **roundness_fields(result),
+        "harmonics": [_harmonic(h, measured) for h in result.harmonics],
+        "circles": [_circle(circle) for circle in result.circles],
+        "above_upr": result.above_upr,
+        "filter_applied_upr": header.filter_upr,
+        "recentred": result.recentred,
+        "left_out": result.left_out,
+        "phase_known": header.phase_known,
+        "jaw_1_deg": measured.jaw_1_deg,
+        "mean_diameter_mm": measured.mean_diameter_mm,
+        "tool_offset_um": measured.tool_offset_um,
+        "turns": None if measured.turns is None else _turns(measured.turns, result),
+    }
+
+
+def _harmonic(wave: Harmonic, measured: Measured) -> dict[str, object]:
+    fields = {"n": wave.n, "amplitude_um": wave.amplitude_um, "phase_deg": wave.phase_deg}
+    return {**fields, "past_jaw_1_deg": measured.past_jaw_1_deg(wave)}
+
+
+def _circle(circle: ReferenceCircle) -> dict[str, object]:
+    return {
+        "circle": circle.kind,
+        "RONt_um": circle.ront_um,
+        "RONp_um": circle.ronp_um,
+        "RONv_um": circle.ronv_um,
+        "RONq_um": circle.ronq_um,
+        "centre_x_um": circle.centre_x_um,
+        "centre_y_um": circle.centre_y_um,
+        "deviation_um": circle.deviation_um,
+        "contacts": [{"angle_deg": contact.angle_deg, "outer": contact.outer} for contact in circle.contacts],
+    }
+
+
+def _turns(turns: Turns, result: RoundnessResult) -> dict[str, object]:
+    spread = [{"n": h.n, "sd_um": turns.amplitude_sd_um(h.n)} for h in result.harmonics]
+    return {"count": len(turns.each_um), "random_um": turns.random_um, "amplitudes": spread}

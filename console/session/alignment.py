@@ -108,8 +108,10 @@ def force_problems(job: Job) -> tuple[Problem, ...]:
 
 
 def aligned_job(job: Job, alignment: Alignment) -> Job:
-    """Return the job with jaw 1 where it was found, or as its file assumes it."""
-    return job if alignment.jaw is None else replace(job, lobe_phase_deg=alignment.jaw.angle_deg)
+    """Return the job with jaw 1 where it was found, or as its file assumes it; the lobe stays as far past it."""
+    if alignment.jaw is None:
+        return job
+    return replace(job, lobe_phase_deg=(alignment.jaw.angle_deg + (job.lobe_past_jaw_deg or 0.0)) % 360.0)
 
 
 def aligned_machine(machine: MachineProfile, alignment: Alignment) -> MachineProfile:

@@ -8,7 +8,16 @@ from importlib.metadata import version
 from console.session.alignment import problems
 from console.session.errors import SessionError
 from console.session.intents import Arm, Disarm, Retract, Start
-from console.session.interlocks import Interlock, at_speed, of_job, of_machine, of_program, of_zero, refuse_unless
+from console.session.interlocks import (
+    Interlock,
+    at_speed,
+    of_job,
+    of_lobe,
+    of_machine,
+    of_program,
+    of_zero,
+    refuse_unless,
+)
 from console.session.progress import CutStage, CutWatch
 from console.session.records import RunRecord
 from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, tool_clear
@@ -16,6 +25,7 @@ from console.session.state import Activity, Armed
 from console.session.workplace import Workplace
 from drivers.cut import CutPlan, first_spindle_counts, plan_cut
 from drivers.errors import DriverError, LinkError
+from drivers.safety import device_problems
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.problem import Problem
@@ -39,7 +49,7 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     machine = place.machine
     zero = of_zero(machine, order.strategy, jaw_found=True)
-    refuse_unless(of_job(job, machine), zero, _commissioned(place))
+    refuse_unless(of_job(job, machine), of_lobe(job, machine, order.strategy), zero, _commissioned(place))
     turn, lease = _nearest_turn(place, job, order), place.lathe.lease
     plan = plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease)
     refuse_unless(of_program(plan))
@@ -90,7 +100,6 @@ def start(place: Workplace, _: Start) -> None:
     place.tell(armed=None, cut=None, cut_done=False, measured=None)
     _refuse_changed(place, armed.plan)
     plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine)
-    place.holding = False
     place.seen = partial(_publish, place, watch, CutStage.POSITION)
     try:
         _go_to_start(place, plan)
@@ -175,7 +184,8 @@ def _refuse_tables(place: Workplace) -> None:
 
 
 def _refuse_changed(place: Workplace, plan: CutPlan) -> None:
-    """Refuse to move at all where the card is not as it was armed: its settings, its program."""
+    """Refuse to move at all where the machine is not as it was armed: its safety devices, settings, program."""
+    refuse_unless(Interlock(name="safe", problems=device_problems(place.lathe.snapshot().inputs)))
     _refuse_unless_ready(place, plan, starting=False)
     try:
         place.lathe.holds(plan.program)
@@ -186,19 +196,18 @@ def _refuse_changed(place: Workplace, plan: CutPlan) -> None:
 
 
 def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:
-    place.tell(cut=watch.see(snapshot, stage, place.holding, place.state.spindle_rpm))
+    place.tell(cut=watch.see(snapshot, stage, place.lathe.held, place.state.spindle_rpm))
 
 
 def _hold_if_asked(place: Workplace, _: Snapshot) -> None:
     """Between two looks of a cut: pass the operator's hold on, once."""
-    if place.hold_asked and not place.holding:
-        place.holding = True
+    if place.hold_asked and not place.lathe.held:
         place.lathe.hold()
 
 
 def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) -> None:
     """The program has ended: say how, and prove that the tool is out."""
-    held = place.holding
+    held = place.lathe.held
     stage = CutStage.HELD if held else CutStage.DONE
     figures = watch.figures()
     ended = watch.see(last, stage, held, place.state.spindle_rpm)

@@ -11,7 +11,7 @@ from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import check, refusals
+from profiles.rules import Severity, check, lobe_as_found, refusals
 
 SPEED_BAND = 0.02
 """How far off the speed of the job a spindle may be that somebody else turns: the servo is inverted for that."""
@@ -39,6 +39,13 @@ def of_job(job: Job, machine: MachineProfile, where: str = "") -> Interlock:
     return Interlock(name="job_fits_machine", problems=problems)
 
 
+def of_lobe(job: Job, machine: MachineProfile, strategy: Strategy) -> Interlock:
+    """Return whether this cut is like the one in which the lobe error was found; a plain cut uses no error."""
+    found = () if strategy is Strategy.NONE else lobe_as_found(job, machine)
+    problems = tuple(finding.problem for finding in found if finding.severity is not Severity.OK)
+    return Interlock(name="lobe_as_found", problems=problems)
+
+
 def of_program(plan: CutPlan) -> Interlock:
     """Return whether the program stays within the machine."""
     problems = tuple(finding.problem for finding in refusals(plan.findings))
@@ -52,11 +59,12 @@ def of_machine(snapshot: Snapshot, plan: CutPlan, settings: tuple[Problem, ...])
         Problem(
             code="machine.not_at_start",
             key=axis,
-            value=f"{state.position:.0f} counts",
+            value=f"{state.commanded:.0f} counts",
             limit=f"{starts[axis]:.1f} ± {START_BAND_COUNTS:g} counts",
         )
         for axis, state in zip(snapshot.driven, snapshot.driven_axes, strict=True)
-        if abs(state.position - starts[axis]) > START_BAND_COUNTS
+        # A program goes on from where an axis is commanded to be; it may still lag there by what friction holds.
+        if abs(state.commanded - starts[axis]) > START_BAND_COUNTS
     )
     return (
         Interlock(name="controller_verified", problems=settings),

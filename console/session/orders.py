@@ -233,7 +233,7 @@ def measure(place: Workplace, _: Measure) -> None:
         strategy=started.strategy,
         trace=trace,
         result=result,
-        jaw_1_deg=started.job.lobe_phase_deg,
+        jaw_1_deg=started.job.jaw_1_deg,
         marks_mm=place.state.marks_mm,
     )
     place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)

@@ -15,7 +15,7 @@ from console.session.synchronisation import Synchronisation, before_part, in_par
 from console.session.telemetry import CutFigures, Telemetry
 from drivers.cut import CutPlan, Strategy
 from drivers.snapshot import AxisName, Snapshot
-from profiles.compensation import Sinusoid
+from profiles.compensation import LobedPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -224,7 +224,7 @@ def is_in_phase(phase_error_deg: float | None) -> bool | None:
     return None if phase_error_deg is None else abs(phase_error_deg) <= PHASE_LIMIT_DEG
 
 
-def phase_error_deg(looks: NDArray[np.float64], wanted: Sinusoid) -> float | None:
+def phase_error_deg(looks: NDArray[np.float64], wanted: LobedPath) -> float | None:
     """Return by how many spindle degrees the tool is behind `wanted`.
 
     `looks` has rows of spindle angle (deg) and infeed (um). The best sine of the lobe's order through the looks

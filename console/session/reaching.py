@@ -59,7 +59,9 @@ def reach(
     """
     if not isinstance(address, SimulatedAddress):
         return _on(open_link(address), loaded.machine, data, tracing, seen, None)
-    process = SimulatorProcess.start(loaded.path)
+    process = SimulatorProcess.start(
+        loaded.path, seed=address.seed, plant=address.plant, clamping_sd_percent=address.clamping_sd_percent
+    )
     try:
         return _on(open_link(process.address), loaded.machine, data, tracing, seen, process)
     except BaseException:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from console.session.interlocks import of_job, of_program, of_zero, refuse_unless
+from console.session.interlocks import of_job, of_lobe, of_program, of_zero, refuse_unless
 from console.session.sequence import CutOutcome, Shop, Step, cut_part
 from console.session.telemetry import CutFigures
 from drivers.cut import CutPlan, Strategy, plan_cut
@@ -86,7 +86,8 @@ def plan_run(
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
-    refuse_unless(of_job(job, machine, where), of_zero(machine, strategy, jaw_found=False))
+    zero = of_zero(machine, strategy, jaw_found=False)
+    refuse_unless(of_job(job, machine, where), zero, of_lobe(job, machine, strategy))
     cut = plan_cut(job, machine, strategy, ts_ms, lease=lease)
     reference = _reference(job, machine, cut, lease)
     refuse_unless(*(of_program(each) for each in (cut, reference) if each is not None))

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 
 from console.session.errors import SessionError
 from console.session.interlocks import SPEED_BAND, Interlock, at_speed, of_machine, refuse_unless
@@ -71,12 +72,24 @@ class CutOutcome:
     collisions: tuple[str, ...]
 
 
+class Beside(Protocol):
+    """What goes on beside a cut: it is told when the program is loaded and of every look during it."""
+
+    def begin(self, plan: CutPlan) -> None:
+        """The machine is ready and rests; the cut is about to start."""
+
+    def see(self, snapshot: Snapshot) -> None:
+        """A look at the machine during the cut."""
+
+
 Tell = Callable[[Step, str], None]
 """Told at the beginning of every step, with a detail that needs no translation."""
 
 
-def cut_part(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
-    """Make one part.
+def cut_part(
+    shop: Shop, job: Job, plan: CutPlan, tell: Tell, beside: Beside | None = None, *, homed: bool = False
+) -> CutOutcome:
+    """Make one part, and whatever goes on `beside` it; a machine that is `homed` is not homed once more.
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
@@ -88,7 +101,7 @@ def cut_part(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
         shop.admit()
         tell(Step.LOAD, f"{kind} {version}")
         _prepare(lathe, plan, tell)
-        return _steps(shop, job, plan, tell)
+        return _steps(shop, job, plan, tell, beside, homed=homed)
     except ProblemError as error:
         if lathe.stop.reason is None and not lathe.has_moved:
             raise
@@ -108,15 +121,15 @@ def _prepare(lathe: Lathe, plan: CutPlan, tell: Tell) -> None:
     refuse_unless(Interlock(name="controller_verified", problems=lathe.verify()))
 
 
-def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
+def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell, beside: Beside | None, *, homed: bool) -> CutOutcome:
     lathe = shop.lathe
     tell(Step.ALIGN, "")
-    _align(shop, job, plan)
+    _align(shop, job, plan, homed=homed)
     _turn(shop, job.spindle_speed_rpm)
     tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
     refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()), shop.judge(), at_speed(lathe, job))
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
-    figures = _cut(lathe, job, plan)
+    figures = _cut(lathe, job, plan, beside)
     lathe.restore(plan.restore)
     refuse_unless(Interlock(name="no_table", problems=lathe.tables_left()))
     tell(Step.RETRACT, "")
@@ -129,16 +142,18 @@ def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell) -> CutOutcome:
     return CutOutcome(trace=trace, figures=figures, collisions=shop.collisions())
 
 
-def _align(shop: Shop, job: Job, plan: CutPlan) -> None:
+def _align(shop: Shop, job: Job, plan: CutPlan, *, homed: bool) -> None:
     """Drives on, home, and every axis to its start: tool last, so that it comes in beside the part."""
     lathe = shop.lathe
     shop.clamp(job)
     lathe.enable()
-    lathe.home()
+    if not homed:
+        lathe.home()
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     if AxisName.SPINDLE in lathe.driven:
         lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    lathe.jog_to(AxisName.TOOL, plan.tool_start)
+    # Behind a cut the tool is there already, with its integrator as the cut has left it.
+    lathe.jog_to(AxisName.TOOL, plan.tool_start, settle=not homed)
 
 
 def _turn(shop: Shop, speed_rpm: float) -> None:
@@ -151,10 +166,18 @@ def _turn(shop: Shop, speed_rpm: float) -> None:
             return
 
 
-def _cut(lathe: Lathe, job: Job, plan: CutPlan) -> CutFigures:
+def _cut(lathe: Lathe, job: Job, plan: CutPlan, beside: Beside | None) -> CutFigures:
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
+
+    def see(snapshot: Snapshot) -> None:
+        telemetry.see(snapshot)
+        if beside is not None:
+            beside.see(snapshot)
+
+    if beside is not None:
+        beside.begin(plan)
     lathe.start(plan.program.number, plan.setup.retracted)
-    lathe.follow(telemetry.see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
+    lathe.follow(see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
     figures = telemetry.figures()
     if figures is None:
         raise SessionError(

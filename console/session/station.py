@@ -29,6 +29,7 @@ from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.link.base import GONE
 from drivers.ownership import Standing
 from drivers.pmac.heartbeat.arming import lost_problem
+from drivers.safety import device_problems
 from drivers.snapshot import Snapshot
 from drivers.stop import StoppedError
 from profiles.problem import Problem, ProblemError
@@ -79,6 +80,8 @@ class Station:
             round_trip_ms=1000.0 * place.lathe.round_trip_s,
         )
         place.tell_standing()
+        self._watch_devices(state.snapshot, snapshot)
+        self._watch_guard()
         self._watch_stop(snapshot)
         if place.seen is not None:
             place.seen(snapshot)
@@ -423,6 +426,28 @@ class Station:
         if place.state.standing is Standing.OUSTED and not self._told("owner.ousted"):
             place.tell(armed=None)
             place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
+
+    def _watch_devices(self, before: Snapshot | None, snapshot: Snapshot) -> None:
+        """Say which safety device drops while drives are on: it ends what moves by itself, and no order goes out.
+
+        Where something moves, the wait for it stops the machine, and tells.
+        """
+        place, problems = self._place, device_problems(snapshot.inputs)
+        if snapshot.inputs and not problems:
+            place.tell(alarms=cleared(place.state.alarms, "safety.not_good"))
+        on = not snapshot.loops_open or (before is not None and not before.loops_open)
+        if not problems or not on or not self.state.controls or place.state.activity in MOVING:
+            return
+        place.tell(armed=None)
+        for problem in problems:
+            if not any(alarm.active and alarm.problem == problem for alarm in place.state.alarms):
+                place.alarm(problem)
+
+    def _watch_guard(self) -> None:
+        """Say once, while something moves, that the card would not end it any more."""
+        unguarded = self._place.lathe.unguarded
+        if unguarded is not None and not self._told(unguarded.code):
+            self._place.alarm(unguarded)
 
     def _watch_loss(self, snapshot: Snapshot) -> None:
         """Say once what the card has ended without its host; behind a stop that is settled with the stop."""

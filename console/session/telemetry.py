@@ -35,12 +35,13 @@ class Telemetry:
     def __init__(self, plan: CutPlan, machine: MachineProfile, cut_length_mm: float) -> None:
         self._plan = plan
         self._machine = machine
+        self._counts_per_mm = machine.carriage.counts_per_mm
         end = plan.carriage_start + plan.setup.carriage_counts
         length = cut_length_mm * machine.carriage.counts_per_mm
         # The last turn is left out: in it the tool may already be on its way out.
         self._first, self._last = end - length, end - plan.setup.carriage_per_turn
         self._over = False
-        self._rows: list[tuple[float, float, float, float]] = []
+        self._rows: list[tuple[float, float, float, float, float]] = []
 
     def see(self, snapshot: Snapshot) -> None:
         """Take what belongs to the cut, leave the rest."""
@@ -51,17 +52,19 @@ class Telemetry:
         if self._over or not snapshot.program_running:
             return
         if self._first <= snapshot.carriage.position <= self._last:
-            self._rows.append((snapshot.at_s, tool.position, snapshot.spindle.position, tool.following_error))
+            past_mm = (snapshot.carriage.position - self._plan.setup.carriage_middle) / self._counts_per_mm
+            place = tool.position, snapshot.spindle.position, past_mm
+            self._rows.append((snapshot.at_s, *place, tool.following_error))
 
     def figures(self) -> CutFigures | None:
         """Return the figures, None when fewer than two looks fell into the cut."""
         if len(self._rows) < 2:
             return None
-        at_s, tool, spindle, following = np.array(self._rows).T
+        at_s, tool, spindle, past_mm, following = np.array(self._rows).T
         count_um = self._machine.tool.count_um
         turns = spindle / self._machine.spindle.counts_per_rev
         infeed_um = (tool - self._plan.setup.surface) * count_um
-        error_um = infeed_um - self._plan.wanted.at_um(360.0 * turns)
+        error_um = infeed_um - self._plan.wanted.at_um(360.0 * turns, past_mm)
         following_um = following * count_um
         return CutFigures(
             # The slope through all looks: the times of single ones are known to some milliseconds only.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.job import JOB_FIELDS, Job
+from profiles.lobe_conditions import pinned
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, save_job
 
@@ -19,6 +20,8 @@ STRATEGIES = ("pvt", "cam", "timebase", "paper", "none")
 """In the order in which a key steps through them; the values of `drivers.cut.Strategy`."""
 
 _FIELDS = {field.key: field for field in JOB_FIELDS}
+
+_OF_LOBE = frozenset(key for key in _FIELDS if key.startswith("lobe_")) - {"lobe_error_source"}
 
 # Python reads more as a number ("1_000", "1e3", "nan") than an operator would write.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
@@ -47,8 +50,8 @@ class Work:
 
 
 def opened(loaded: LoadedJob, machine: LoadedMachine) -> Work:
-    """Return the work on a job as it was saved. The force that its error belongs to is pinned from here on."""
-    job = replace(loaded.job, lobe_force_n=loaded.job.error_force_n)
+    """Return the work on a job as it was saved. The cut that its error belongs to is pinned from here on."""
+    job = pinned(loaded.job)
     return Work(loaded=replace(loaded, job=job), machine=machine, job=job)
 
 
@@ -70,7 +73,8 @@ def parsed(text: str, key: str) -> Any:
 def edited(work: Work, key: str, text: str) -> Work:
     """Return the work with one field changed; what was computed of the old job is forgotten.
 
-    A value that the operator gives is not an assumed one any more.
+    A value that the operator gives is not an assumed one any more. One of the lobe was not found by anybody: the
+    error is an assumed one from then on.
 
     Raises:
         ProfileError: see `parsed`; the work stays as it is.
@@ -79,7 +83,8 @@ def edited(work: Work, key: str, text: str) -> Work:
     if getattr(work.job, key) == value:
         return work
     assumed = tuple(name for name in work.job.assumed if name != key)
-    job = replace(work.job, assumed=assumed, **{key: value})
+    source = "assumed" if key in _OF_LOBE else work.job.lobe_error_source
+    job = replace(work.job, **{"assumed": assumed, "lobe_error_source": source, key: value})
     return replace(work, job=job, undo=(*work.undo, work.job), preview=None, preview_problems=())
 
 

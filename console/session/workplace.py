@@ -46,7 +46,7 @@ class Workplace:
     `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
     goes on. `to_restore` are lines that make the card what its profile says again, where a cut has changed it.
     `limits_seen` are the travel limits on which the machine stood when the operator went on after a stop: it may
-    be jogged off them. `hold_asked` is set by the operator, `holding` when it has been passed on.
+    be jogged off them. `hold_asked` is set by the operator; `Lathe.held` tells when it has been passed on.
     """
 
     def __init__(
@@ -77,7 +77,6 @@ class Workplace:
         self.to_restore: tuple[str, ...] = ()
         self.limits_seen: frozenset[str] = frozenset()
         self.hold_asked = False
-        self.holding = False
         self._lock = threading.Lock()
         name = machine.machine.name
         self._state = StationState(simulated=shop is not None, machine=name, standing=Standing.OBSERVER)

@@ -355,7 +355,8 @@ class ConsoleApp(App[None]):
             desk.said = (Problem(code="screen.controls_already"),)
         elif desk.control.now_s() - self._asked_over_s > TAKE_OVER_WITHIN_S:
             self._asked_over_s = desk.control.now_s()
-            desk.said = (Problem(code="screen.take_over_again", limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
+            code = "screen.take_over_again" if desk.control.state.holder else "screen.take_control_again"
+            desk.said = (Problem(code=code, limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
         else:
             self._asked_over_s = float("-inf")
             desk.control.post(TakeOver())

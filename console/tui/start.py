@@ -11,6 +11,7 @@ from pathlib import Path
 from types import FrameType
 
 from console.cli.library import data_of, machine_of
+from console.cli.simulation import simulation_told
 from console.session.errors import SessionError
 from console.session.link_thread import LinkThread, Opened
 from console.session.signals import ENDING_SIGNALS
@@ -23,6 +24,8 @@ from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
+
+WRONG_USAGE = 2
 
 QUIET_S = 2.0
 """How long the screen may be gone before it is said that the machine is waited for."""
@@ -49,6 +52,11 @@ def main(options: Namespace, text: Catalogue) -> int:
     address = address_of(machine.machine, options.link, simulated=options.sim)
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"console {machine.machine.name}")
     simulated = isinstance(address, SimulatedAddress)
+    told = simulation_told(options, machine.machine)
+    if told is not None and not simulated:
+        print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
+        return WRONG_USAGE
+    address = told or address
     link = LinkThread(machine.machine.name, simulated, lambda: _open(machine, address, data, tracing))
     app = ConsoleApp(
         text=text,

@@ -59,5 +59,5 @@ class Excitation(Protocol):
 
 
 def go_on(dialect: Dialect) -> str:
-    """Return what a program looks at in each segment: the host has not ended it, and its lease is live."""
+    """Return what a program looks at in each segment between its ramps: nobody has ended it, its lease lives."""
     return f"{HOLD_FLAG}=0 AND {lease_condition(dialect)}"

@@ -72,7 +72,7 @@ def take_up(rig: Rig) -> None:
         rig.lathe.enable()
         if not all("home_complete" in snapshot.axis(axis).flags for axis in HOMED):
             rig.lathe.home()
-    except Exception as error:
+    except BaseException as error:
         _leave_at_rest(rig, error)
         raise
 
@@ -82,8 +82,9 @@ def identify(
 ) -> IdentifiedResponse:
     """Measure the response of one path, with the drives on, homed, and everything at rest.
 
-    What is used of the card is put back. Whatever goes wrong, the machine is stopped and at rest, with its drives
-    off, before the error leaves here.
+    Whatever goes wrong, and whoever ends it, the machine is stopped and at rest, with its drives off, before the
+    error leaves here; and what was used of the card is put back. A machine that another console has taken is left
+    as it is.
 
     Raises:
         RefusedError: nothing has moved.
@@ -106,12 +107,10 @@ def identify(
             points.append(_later(point, cycles * origin.servo_period_ms / 1000.0))
             tell(points[-1])
         _switch_off_table(rig, excitation)
-    except Exception as error:
-        _leave_at_rest(rig, error)
-        with suppress(DriverError):  # what went wrong matters more
-            before.put_back(rig, table=table)
+        before.put_back(rig, table=table)
+    except BaseException as error:
+        _end(rig, before, error, table=table)
         raise
-    before.put_back(rig, table=table)
     return IdentifiedResponse(
         origin=origin,
         path=request.path,
@@ -180,19 +179,38 @@ def _refuse_step(rig: Rig, excitation: Excitation) -> None:
         raise DriverError(Problem(code="identify.table_steps", key="carriage", value=value, limit=limit))
 
 
-def _leave_at_rest(rig: Rig, error: Exception) -> None:
-    """Stop, wait for rest and switch the drives off.
+def _end(rig: Rig, before: Before, error: BaseException, *, table: bool) -> None:
+    """Leave the machine at rest, and put back what was used, as far as that is ours and throws no tool.
+
+    Raises:
+        DriverError: the error, with what could not be proven.
+    """
+    off = False
+    try:
+        _leave_at_rest(rig, error)
+        off = True
+    finally:
+        if not rig.lathe.anothers:
+            with suppress(DriverError):  # what went wrong matters more
+                before.put_back(rig, table=table and off)
+
+
+def _leave_at_rest(rig: Rig, error: BaseException) -> None:
+    """Stop, wait for rest and switch the drives off; what is another's is left, once nothing of ours moves.
 
     Raises:
         DriverError: the error, with what could not be proven.
     """
     lathe = rig.lathe
     code = error.problems[0].code if isinstance(error, ProblemError) and error.problems else type(error).__name__
+    if lathe.anothers:
+        return
     try:
         if lathe.stop.reason is None:
             lathe.stop.stop(code)
         lathe.wait_for_rest()
-        lathe.switch_off()
+        if not lathe.anothers:
+            lathe.switch_off()
     except ProblemError as unproven:
         problems = error.problems if isinstance(error, ProblemError) else (Problem(code=code),)
         raise DriverError(*problems, *unproven.problems, Problem(code="machine.state_unknown")) from error

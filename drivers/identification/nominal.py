@@ -8,6 +8,7 @@ import math
 from drivers.cutting.plan import Strategy
 from profiles.compensation import delayed
 from profiles.machine import MachineProfile
+from profiles.response import ServoResponse, model_response
 from profiles.servo import sampled_response
 
 TIMEBASE_LATE_CYCLES = 1
@@ -22,9 +23,22 @@ def late_cycles(path: Strategy, machine: MachineProfile) -> int:
 
 
 def nominal_response(path: Strategy, machine: MachineProfile, frequency_hz: float) -> complex:
-    """Return the response that a cut on this path inverts."""
+    """Return the response that a cut on this path inverts where nothing better is known."""
     delay_s = late_cycles(path, machine) * machine.controller.servo_period_ms / 1000.0
     return delayed(complex(sampled_response(machine, frequency_hz)), frequency_hz, delay_s)
+
+
+def path_response(path: Strategy, machine: MachineProfile) -> ServoResponse:
+    """Return the same over all frequencies, with how sure it is."""
+    return model_response(machine, lambda frequency_hz: nominal_response(path, machine, frequency_hz))
+
+
+def loop_response(
+    path: Strategy, machine: MachineProfile, response: ServoResponse, frequency_hz: float
+) -> complex:
+    """Return the loop alone at a frequency of the band: a response without the age of the path's reference."""
+    lead_s = -late_cycles(path, machine) * machine.controller.servo_period_ms / 1000.0
+    return delayed(response.at(frequency_hz), frequency_hz, lead_s)
 
 
 def phase_difference_deg(phase_deg: float, response: complex) -> float:

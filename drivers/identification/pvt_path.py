@@ -16,7 +16,7 @@ from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
 from drivers.pmac.programs.setup import HOLD_FLAG
-from profiles.compensation import Sinusoid
+from profiles.compensation import LobedPath
 from profiles.machine import MachineProfile
 
 _TEXT = """\
@@ -70,7 +70,7 @@ class PvtPath:
 
     def sweep(self, frequency_hz: float, periods: int) -> Sweep:
         """Return the program for one frequency."""
-        sine = Sinusoid(mean_um=0.0, amplitude_um=self._amplitude_um, lobes=1, crest_deg=0.0)
+        sine = LobedPath(mean_um=0.0, amplitude_um=self._amplitude_um, lobes=1, crest_deg=0.0)
         segment_ms = longest_segment_ms(sine, frequency_hz)
         step_rad = 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
         scales = point_scales(step_rad)

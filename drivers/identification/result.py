@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from statistics import fmean
 from typing import Any
 
 from drivers.cutting.plan import Strategy
 from profiles.problem import Problem, ProfileError
+from profiles.response import ServoResponse, identified_response
 
 SCHEMA = 1
 
@@ -97,6 +99,24 @@ def from_table(table: Any, where: str = "") -> IdentifiedResponse:
         value = " ".join(f"{type(error).__name__}: {error}".split())
         raise ProfileError(Problem(code="identify.file", where=where, value=value)) from error
     return identified
+
+
+def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
+    """Return the points as a curve that can be inverted; `name` says which identification it is.
+
+    Raises:
+        ProfileError: `response.bad_points`.
+    """
+    points = identified.points
+    return identified_response(
+        frequency_hz=[point.frequency_hz for point in points],
+        gain=[point.gain for point in points],
+        phase_deg=[point.phase_deg for point in points],
+        gain_ci=[point.gain_ci for point in points],
+        phase_ci_deg=[point.phase_ci_deg for point in points],
+        amplitude_um=fmean(point.amplitude_um for point in points) if points else 0.0,
+        name=name,
+    )
 
 
 def _point(table: Mapping[str, Any]) -> IdentifiedPoint:

@@ -35,12 +35,11 @@ STANDS_COUNTS = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rig:
-    """One lathe, the client of its card and its clock; unless it is `leased`, by a heartbeat, nothing is moved."""
+    """One lathe, with a heartbeat, the client of its card and its clock."""
 
     client: PmacClient
     lathe: Lathe
     clock: Clock
-    leased: bool
 
     @property
     def machine(self) -> MachineProfile:
@@ -64,10 +63,7 @@ def card_problems(rig: Rig) -> tuple[Problem, ...]:
     Raises:
         DriverError: the link broke, or another console controls the machine.
     """
-    found = [*rig.lathe.verify(), *rig.lathe.tables_left()]
-    if not rig.leased:
-        found.append(Problem(code="identify.no_lease", where=rig.where))
-    return (*found, *_in_use(rig), *_spindle_turns(rig))
+    return (*rig.lathe.verify(), *rig.lathe.tables_left(), *_in_use(rig), *_spindle_turns(rig))
 
 
 def standing_problems(rig: Rig) -> tuple[Problem, ...]:

@@ -1,6 +1,7 @@
 """Link addresses as an operator writes them; `str` of one gives back the shortest text that means the same.
 
-`serial:/dev/NAME[?baud=RATE]`, `tcp:HOST:PORT`, `ethernet:HOST[:PORT]`, and `sim:` for the simulated lathe.
+`serial:/dev/NAME[?baud=RATE]`, `tcp:HOST:PORT`, `ethernet:HOST[:PORT][?stop=reserved]`, and `sim:` for the
+simulated lathe.
 """
 
 from __future__ import annotations
@@ -21,9 +22,12 @@ HIGHEST_BAUD_RATE = 4_000_000
 _SERIAL_FORM = f"serial:/dev/NAME[?baud=RATE], 1 <= RATE <= {HIGHEST_BAUD_RATE}"
 _HOST_FORM = f"HOST:PORT, 0 <= PORT <= {HIGHEST_PORT}"
 _TCP_FORM = f"tcp:HOST:PORT, 1 <= PORT <= {HIGHEST_PORT}"
-_ETHERNET_FORM = f"ethernet:HOST[:PORT], 1 <= PORT <= {HIGHEST_PORT}"
-_FORMS = f"serial:/dev/NAME[?baud=RATE] | tcp:HOST:PORT | ethernet:HOST[:{ETHERNET_PORT}] | sim:"
+_ETHERNET_FORM = f"ethernet:HOST[:PORT][?stop=reserved], 1 <= PORT <= {HIGHEST_PORT}"
+_FORMS = (
+    f"serial:/dev/NAME[?baud=RATE] | tcp:HOST:PORT | ethernet:HOST[:{ETHERNET_PORT}][?stop=reserved] | sim:"
+)
 
+_RESERVED = "?stop=reserved"
 _RATE_BEHIND_COLON = re.compile(r".*:[0-9]+")
 
 
@@ -40,14 +44,18 @@ class TcpAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EthernetAddress:
-    """The Ethernet board of a controller, which is spoken to in requests."""
+    """The Ethernet board of a controller, which is spoken to in requests.
+
+    With `reserves_stop` a second connection is made, for stops alone.
+    """
 
     host: str
     port: int = ETHERNET_PORT
+    reserves_stop: bool = False
 
     def __str__(self) -> str:
         port = "" if self.port == ETHERNET_PORT else f":{self.port}"
-        return f"ethernet:{_bracketed(self.host)}{port}"
+        return f"ethernet:{_bracketed(self.host)}{port}{_RESERVED if self.reserves_stop else ''}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +73,15 @@ class SerialAddress:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedAddress:
-    """The simulated lathe of the machine profile; there is no wire to it."""
+    """The simulated lathe of the machine profile; there is no wire to it.
+
+    Set up by hand, with the iron of `plant` (a name or a file); what chance decides comes from `seed`, and the
+    chucking force has a standard deviation of `clamping_sd_percent` from clamping to clamping.
+    """
+
+    plant: str = "mounted"
+    seed: int | None = None
+    clamping_sd_percent: float = 0.0
 
     def __str__(self) -> str:
         return "sim:"
@@ -91,8 +107,8 @@ def parse_address(text: str) -> LinkAddress:
             host, port = _host_and_port(rest, text, _TCP_FORM)
             return TcpAddress(host=host, port=port)
         case "ethernet":
-            host, port = _host_and_port(_with_port(rest), text, _ETHERNET_FORM)
-            return EthernetAddress(host=host, port=port)
+            host, port = _host_and_port(_with_port(rest.removesuffix(_RESERVED)), text, _ETHERNET_FORM)
+            return EthernetAddress(host=host, port=port, reserves_stop=rest.endswith(_RESERVED))
         case "sim" if text == "sim:":
             return SimulatedAddress()
     raise _bad_address(text, _FORMS)

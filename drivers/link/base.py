@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Protocol
 
 GONE = frozenset(("link.lost", "link.closed"))
 """Codes of the problems after which there is nobody to ask any more on this link."""
+
+
+class StopWay(StrEnum):
+    """What a stop goes through."""
+
+    DIRECT = "direct"
+    """Where everything goes, directly behind what is already being sent."""
+
+    RESERVED = "reserved"
+    """A connection of its own, so that no pending reply is in front of it."""
+
+    LOST = "lost"
+    """A connection of its own was asked for, and is gone or not answered: it goes where everything goes."""
 
 
 class Link(Protocol):
@@ -21,8 +35,8 @@ class Link(Protocol):
     address: str
 
     @property
-    def reserved_stop(self) -> bool:
-        """Whether stops have a connection of their own, so that no pending reply is in front of them."""
+    def stop_way(self) -> StopWay:
+        """What a stop would go through now."""
 
     def send(self, data: bytes) -> None:
         """Send bytes in order."""

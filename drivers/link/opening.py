@@ -6,8 +6,8 @@ from drivers.link.address import EthernetAddress, SerialAddress, TcpAddress, Wir
 from drivers.link.base import Link
 
 
-def open_link(address: WiredAddress, *, reserve_stop: bool = False) -> Link:
-    """Connect; `reserve_stop` gives stops on an Ethernet board a connection of their own.
+def open_link(address: WiredAddress) -> Link:
+    """Connect.
 
     Raises:
         LinkError: each way to fail with a code of its own, see `docs/links.md`.
@@ -25,4 +25,4 @@ def open_link(address: WiredAddress, *, reserve_stop: bool = False) -> Link:
         case EthernetAddress():
             from drivers.link.ethernet import EthernetLink
 
-            return EthernetLink(address, reserve_stop=reserve_stop)
+            return EthernetLink(address)

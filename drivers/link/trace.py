@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from drivers.errors import LinkError
-from drivers.link.base import Link
+from drivers.link.base import Link, StopWay
 from profiles.problem import Problem
 
 CR, ACK, NUL = 0x0D, 0x06, 0x00
@@ -52,9 +52,9 @@ class TracedLink:
         return self._problem
 
     @property
-    def reserved_stop(self) -> bool:
-        """Whether stops have a connection of their own."""
-        return self._link.reserved_stop
+    def stop_way(self) -> StopWay:
+        """What a stop would go through now."""
+        return self._link.stop_way
 
     def send(self, data: bytes) -> None:
         """Send bytes in order."""

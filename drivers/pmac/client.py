@@ -8,7 +8,7 @@ until link and card are proven to be in step.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from enum import StrEnum, auto
 
@@ -133,10 +133,13 @@ class PmacClient:
         self.send(line, timeout_s)
         return self.reply(line, timeout_s, lines=lines)
 
-    def send(self, line: str, timeout_s: float = REPLY_TIMEOUT_S) -> None:
+    def send(
+        self, line: str, timeout_s: float = REPLY_TIMEOUT_S, check: Callable[[], None] = lambda: None
+    ) -> None:
         """Send one line without waiting; `reply` must follow, one line is in flight at a time.
 
-        `timeout_s` is for the way back in step, where that is due.
+        `timeout_s` is for the way back in step, where that is due. `check` is called behind it, directly before
+        the line goes out: what it raises leaves the line unsent.
 
         Raises:
             ControllerError: `controller.line_too_long`, nothing was sent.
@@ -147,7 +150,7 @@ class PmacClient:
             raise ControllerError(
                 Problem(code="controller.line_too_long", where=self.link.address, value=line[:40])
             )
-        self._exchange.send(line, data + b"\r", timeout_s)
+        self._exchange.send(line, data + b"\r", timeout_s, check)
 
     def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
         """Return the data of the reply to `line`, which was sent before.
@@ -204,9 +207,16 @@ class PmacClient:
         Raises:
             LinkError: `link.out_of_step`, a value is no number.
         """
-        values = self.query(*items, timeout_s=timeout_s, again=again)
+        return tuple(map(self.number, self.query(*items, timeout_s=timeout_s, again=again)))
+
+    def number(self, answer: str) -> float:
+        """Return what was answered as a number.
+
+        Raises:
+            LinkError: `link.out_of_step`, it is none.
+        """
         try:
-            return tuple(number_of(value) for value in values)
+            return number_of(answer)
         except ValueError as error:
             raise LinkError(Problem(code="link.out_of_step", where=self.link.address, value=str(error))) from error
 

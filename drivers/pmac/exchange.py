@@ -7,6 +7,7 @@ same line. Lines are answered in their order, so that whatever was answered befo
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 from drivers.clock import Clock
 from drivers.errors import LinkError, LinkTimeoutError
@@ -75,8 +76,11 @@ class Exchange:
             pass
         self._reader.clear()
 
-    def send(self, line: str, data: bytes, timeout_s: float) -> None:
+    def send(self, line: str, data: bytes, timeout_s: float, check: Callable[[], None] = lambda: None) -> None:
         """Send a line, in step; what came unasked before is sorted out first.
+
+        That may take its time. `check` is called behind it, directly before the bytes go out; what it raises keeps
+        them here.
 
         Raises:
             LinkError: the link broke; or those of `resynchronise`, and the line was not sent.
@@ -87,6 +91,7 @@ class Exchange:
             self._lose_step(FaultKind.UNASKED, "")
         if not self.in_step:
             self.resynchronise(timeout_s)
+        check()
         self._was_open = self.buffer_open
         self.buffer_open = self.buffer_open or opens_buffer(line) is True
         self._in_flight = line

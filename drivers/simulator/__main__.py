@@ -14,7 +14,7 @@ import time
 from drivers.simulator.channel import converse
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.patience import PatientTime
-from drivers.simulator.plant.true_parameters import plant_named
+from drivers.simulator.plant.presets import MOUNTED, plant_named
 from drivers.simulator.pty import PtyHost
 from drivers.simulator.real_time import ending_signals, keep_time
 from profiles.store import load_machine
@@ -26,9 +26,12 @@ def main() -> None:
     parser.add_argument("--channel", type=_channel, required=True, metavar="FD", help="inherited stream socket")
     parser.add_argument("--machine", required=True, metavar="PATH", help="machine profile")
     parser.add_argument("--seed", type=int, metavar="N", help="mount chuck and tool the same way each time")
+    parser.add_argument("--plant", default=MOUNTED, metavar="NAME", help="how the lathe really is")
+    parser.add_argument("--clamping-sd", type=float, default=0.0, metavar="PERCENT", help="of the chucking force")
     options = parser.parse_args()
     machine = load_machine(options.machine).machine
-    lathe = SimulatedLathe(machine, plant_named("mounted", machine, options.seed))
+    true = plant_named(options.plant, machine, options.seed, options.clamping_sd, mounted_by_hand=True)
+    lathe = SimulatedLathe(machine, true)
     asyncio.run(_serve(lathe, options.channel))
 
 

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.plcs.timers import count_down, timer_variables
+from drivers.pmac.plcs.timers import LOWEST_COUNT, timer_variables
 from drivers.pmac.variables import VariableStore
 
 ServoCycles = Callable[[], int]
@@ -35,7 +35,8 @@ class Countdown(Generic[_Name]):
     def read(self, name: _Name) -> float:
         """Return what a timer says now."""
         value, since = self._written[name]
-        return count_down({name: value}, self._now() - since)[name] if name in self._running else value
+        # As `count_down` does, for one: it is read in each scan of a PLC.
+        return max(float(LOWEST_COUNT), value - (self._now() - since)) if name in self._running else value
 
     def write(self, name: _Name, value: float) -> None:
         """Let a timer go on from a value."""

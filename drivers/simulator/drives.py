@@ -10,9 +10,12 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.home_sensor import HomeSensor
 from drivers.simulator.plant.axis import IdealAxis
 from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
+from drivers.simulator.plant.encoder import NoisyScale, Scale
 from drivers.simulator.plant.ends import ends_at
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
+from drivers.simulator.plant.radial_error import RadialError
 from drivers.simulator.plant.spindle import Spindle
+from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.servo import Axis, ServoAxis, ServoGains
 from profiles.machine import MachineProfile
@@ -25,12 +28,17 @@ MotorVariable = Callable[[int, int], float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drives:
-    """The axes of one lathe. `inverter` is what drives the spindle where the card does not."""
+    """The axes of one lathe. `inverter` is what drives the spindle where the card does not.
+
+    `load` is what the cut does to the tool, `wander` what the axis of the spindle does; None is nothing of it.
+    """
 
     tool: ServoAxis
     spindle: Spindle
     carriage: IdealAxis
     inverter: InverterSpindle | None
+    load: TipLoad | None
+    wander: RadialError | None
     machine: MachineProfile
 
     def axes(self) -> dict[int, tuple[Axis, HomeSensor]]:
@@ -59,16 +67,23 @@ def build_drives(machine: MachineProfile, true: TrueParameters, settings: dict[i
     cycle_s = _cycle_s(machine)
     per_mm = machine.carriage.counts_per_mm
     start_counts = true.carriage_start_mm * per_mm
+    pp_um = true.radial_error_um_pp
+    wander = RadialError(pp_um, true.chance("radial error")) if pp_um else None
+    load = _load(machine, true, wander) if true.passive_share else None
     return Drives(
-        tool=_tool(machine, true, setting),
-        spindle=Spindle(spindle, machine.spindle.counts_per_rev * true.belt_ratio, cycle_s),
+        tool=_tool(machine, true, setting, load),
+        spindle=_spindle(machine, true, spindle),
         carriage=IdealAxis(cycle_s, true.coast_s, start_counts, ends_at(true.carriage_ends_mm, per_mm)),
         inverter=spindle if isinstance(spindle, InverterSpindle) else None,
+        load=load,
+        wander=wander,
         machine=machine,
     )
 
 
-def _tool(machine: MachineProfile, true: TrueParameters, setting: MotorVariable) -> ServoAxis:
+def _tool(
+    machine: MachineProfile, true: TrueParameters, setting: MotorVariable, load: TipLoad | None
+) -> ServoAxis:
     tool = machine.tool
     volt_per_bit = tool.dac_full_scale_v / DAC_BITS
     slide = linear_motor(
@@ -81,7 +96,29 @@ def _tool(machine: MachineProfile, true: TrueParameters, setting: MotorVariable)
     )
     start_counts = true.tool_start_mm * tool.counts_per_mm
     ends = ends_at(true.tool_ends_mm, tool.counts_per_mm)
-    return ServoAxis(slide, _gains(tool.motor, setting), _cycle_s(machine), start_counts, ends)
+    noise_counts = true.encoder_noise_um / 1000.0 * tool.counts_per_mm
+    scale = NoisyScale(noise_counts, true.chance("encoder").randrange(2**32)) if noise_counts else Scale()
+    gains, lag_s = _gains(tool.motor, setting), true.current_lag_s
+    return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, load)
+
+
+def _load(machine: MachineProfile, true: TrueParameters, wander: RadialError | None) -> TipLoad:
+    tool, spindle = machine.tool, machine.spindle
+    geometry = TipGeometry(
+        home_radius_mm=true.home_radius_mm,
+        land_mm=true.wiper_land_mm,
+        tool_counts_per_mm=tool.counts_per_mm,
+        carriage_counts_per_mm=machine.carriage.counts_per_mm,
+        spindle_counts_per_turn=spindle.counts_per_rev * true.belt_ratio,
+    )
+    return TipLoad(geometry, wander, 1000.0 * tool.counts_per_mm / true.moving_mass_kg)
+
+
+def _spindle(machine: MachineProfile, true: TrueParameters, drive: Axis) -> Spindle:
+    phase_rad = true.chance("ripple").uniform(0.0, 2.0 * math.pi) if true.speed_ripple else 0.0
+    counts_per_turn = machine.spindle.counts_per_rev * true.belt_ratio
+    built = true.speed_ripple, true.ripple_per_turn
+    return Spindle(drive, counts_per_turn, _cycle_s(machine), built, phase_rad)
 
 
 def _spindle_drive(

@@ -62,6 +62,7 @@ class SimulatedLathe:
             Flash(saved),
         )
         self._block = max(1, round(machine.controller.background_ms / machine.controller.servo_period_ms))
+        self._wire_up()
         self._gains_revision = -1  # what was saved may be other gains than the profile's
         self.controller.variables.memory = CardMemory(self.controller)
         self._ports: list[Port] = []
@@ -133,6 +134,14 @@ class SimulatedLathe:
         """
         return self._floor.measure()
 
+    def measure_clamped(self) -> Trace:
+        """Take the trace of the part in the chuck, as the tool has left it, the error of the spindle in it.
+
+        Raises:
+            RuntimeError: no part is mounted.
+        """
+        return self._floor.measure_clamped()
+
     def look(self) -> ShopView:
         """Look at the chuck, as an operator does who knows nothing of counts and zeros."""
         machine, motors = self._machine, self.controller.motors
@@ -163,6 +172,14 @@ class SimulatedLathe:
             RuntimeError: the card drives this spindle.
         """
         self._inverter().switch_off()
+
+    def _wire_up(self) -> None:
+        """Let the motor of the tool read by the scale of its axis, and the cut see where the axes are."""
+        machine, motors = self._machine, self.controller.motors
+        tool = motors[machine.tool.motor]
+        tool.scale = self.tool.scale
+        if self._drives.load is not None:
+            self._drives.load.watch(tool, motors[machine.spindle.motor], motors[machine.carriage.motor])
 
     def _inverter(self) -> InverterSpindle:
         if self._drives.inverter is None:

@@ -9,7 +9,6 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.home_sensor import HomeSensor
 from drivers.simulator.jog_motion import Stage
 from drivers.simulator.motor_loop import MotorLoop
-from drivers.simulator.plant.encoder import read_encoder
 from drivers.simulator.servo import Axis
 
 FULL_OUTPUT_PERCENT = 100.0
@@ -36,7 +35,7 @@ class Motor(MotorLoop):
     def position(self) -> float:
         """Actual position as it is reported."""
         followed = self.superimposed if self.offset_following else 0.0
-        return read_encoder(self.actual) + self.bias - followed
+        return self.encoder + self.bias - followed
 
     @property
     def positive_limit(self) -> bool:

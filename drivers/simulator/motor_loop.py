@@ -10,7 +10,7 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.guard import Alarm, Guard, read_guard
 from drivers.simulator.home_sensor import HomeSensor
 from drivers.simulator.jog_motion import JogMotion, Stage
-from drivers.simulator.plant.encoder import read_encoder
+from drivers.simulator.plant.encoder import Scale, read_encoder
 from drivers.simulator.servo import Axis
 from drivers.simulator.travel import TravelLimits
 
@@ -25,7 +25,8 @@ class MotorLoop:
     The loop is told `desired`, with `correction` (of compensation tables, or whoever writes their register) and
     `superimposed` (what is followed of a master and not yet part of `desired`) added to it, all in counts. What is
     followed becomes part of `desired` as soon as nothing else moves the motor, unless `offset_following` keeps it
-    out. `iron` is where the axis is by its machine position, whatever the encoder says.
+    out. `iron` is where the axis is by its machine position, whatever the encoder says, `pace` how far it has gone
+    in its last servo cycle, and `cycles_run` how many it has run. `scale` is what the axis is read by.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -44,6 +45,9 @@ class MotorLoop:
         self.superimposed = 0.0
         self.offset_following = False
         self.iron = axis.origin
+        self.pace = 0.0
+        self.cycles_run = 0
+        self.scale = Scale()
         self.index_lost = False
         self.program_timer = False
         self.stopped_at: float | None = None
@@ -70,7 +74,7 @@ class MotorLoop:
     @property
     def encoder(self) -> float:
         """Actual position as the encoder counts it."""
-        return float(read_encoder(self.actual))
+        return float(read_encoder(self.actual + self.scale.now))
 
     @property
     def counter(self) -> float:
@@ -85,7 +89,7 @@ class MotorLoop:
     @property
     def encoder_step(self) -> float:
         """Actual velocity in counts per servo cycle."""
-        return self.encoder - read_encoder(self._last_actual)
+        return self.encoder - read_encoder(self._last_actual + self.scale.before)
 
     @property
     def following_error(self) -> float:
@@ -137,13 +141,15 @@ class MotorLoop:
         start, origin = self.iron, self.axis.origin
         machine = [position + origin for position in track] if origin else track
         self.iron = machine[-1]
+        self.pace = self.iron - (machine[-2] if cycles > 1 else start)
+        self.cycles_run += cycles
         self._last_actual = track[-2] if cycles > 1 else self.actual
         if self._losing:
             self._last_actual = self.actual
         else:
             self.actual = track[-1]
         if not self.enabled:
-            self.desired = read_encoder(self.actual) - added
+            self.desired = self.encoder - added
         if self._jog.stage is Stage.SEARCHING:
             self._search(start, self.iron)
         return machine
@@ -168,7 +174,7 @@ class MotorLoop:
             self._looks = 0
             return None
         guard = self.guard
-        here = read_encoder(self.actual)
+        here = self.encoder
         error = abs(self.net_desired - here) if self.enabled else 0.0
         travel = self.travel
         if not guard.lowest <= here <= guard.highest or travel.concerned:

@@ -47,15 +47,26 @@ class SimulatorProcess:
         self._over = ""
 
     @classmethod
-    def start(cls, machine_path: Path, timeout_s: float = 20.0, *, seed: int | None = None) -> SimulatorProcess:
+    def start(
+        cls,
+        machine_path: Path,
+        timeout_s: float = 20.0,
+        *,
+        seed: int | None = None,
+        plant: str = "mounted",
+        clamping_sd_percent: float = 0.0,
+    ) -> SimulatorProcess:
         """Start a simulator of the machine profile in a file and wait until it can be connected.
 
-        Chuck and tool are mounted at random; with a `seed`, the same way each time.
+        Chuck and tool are mounted at random, and the iron is as `plant` says (see `plant_named`); with a `seed`,
+        the same way each time.
 
         Raises:
             LinkError: `simulator.not_started`.
         """
-        arguments = ["--machine", os.path.abspath(machine_path)]
+        plant = os.path.abspath(plant) if plant.endswith(".toml") else plant
+        arguments = ["--machine", os.path.abspath(machine_path), "--plant", plant]
+        arguments += ["--clamping-sd", repr(clamping_sd_percent)] if clamping_sd_percent else []
         arguments += [] if seed is None else ["--seed", str(seed)]
         child: _Child | None = None
         try:

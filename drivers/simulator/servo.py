@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.simulator.plant.driven_mass import DrivenMass
-from drivers.simulator.plant.encoder import read_encoder
+from drivers.simulator.plant.encoder import Scale
 from drivers.simulator.plant.ends import Ends
 from drivers.simulator.plant.friction import DrySlide
+from drivers.simulator.plant.tip_load import TipLoad
 
 
 class Axis(Protocol):
@@ -78,17 +79,23 @@ class ServoAxis:
         cycle_s: float,
         origin: float = 0.0,
         ends: Ends | None = None,
+        scale: Scale | None = None,
+        lag_s: float = 0.0,
+        load: TipLoad | None = None,
     ) -> None:
+        """`lag_s` is the time constant of the current, `scale` reads, and `load` pushes beside the motor."""
         self.origin = origin
         self.encoder_lost = False
         self.jammed = False
         self.at_end = False
+        self.scale = scale or Scale()
+        self._load = load
         self._ends = ends
         self._cycle_s = cycle_s
         self._most_acceleration = mass.peak_output_bits * mass.acceleration_per_bit
         self._peak_bits = mass.peak_output_bits
         self._plant = mass.held(cycle_s)
-        self._slide = DrySlide(mass, cycle_s) if mass.friction else None
+        self._slide = DrySlide(mass, cycle_s, lag_s) if mass.friction or lag_s or load else None
         self._x = 0.0  # counts
         self._v = 0.0  # counts/s
         self._force = 0.0  # output of the previous cycle, DAC bits
@@ -143,7 +150,7 @@ class ServoAxis:
             return self._follow_hindered(commands)
         x, v, force = self._x, self._v, self._force
         last, last_step, last_encoder = self._command, self._command_step, self._encoder
-        integral, limit, read = self._integral, self._limit, read_encoder
+        integral, limit, read = self._integral, self._limit, self.scale.read
         k_error, k_velocity, k_acceleration = self._k_error, self._k_velocity, self._k_acceleration
         k_integral, k_damping, in_motion = self._k_integral, self._k_damping, self._integrate_in_motion
         plant = self._plant
@@ -189,6 +196,8 @@ class ServoAxis:
         """Run in open loop."""
         positions = []
         self.at_end = False
+        if self._load is not None:
+            self._load.begin()
         for _ in range(cycles):
             positions.append(self._x)
             self._read()
@@ -199,6 +208,8 @@ class ServoAxis:
     def _follow_hindered(self, commands: Sequence[float]) -> list[float]:
         """Close the loop where something is the matter: the same, a cycle at a time."""
         positions = []
+        if self._load is not None:
+            self._load.begin()
         for command in commands:
             positions.append(self._x)
             before = self._encoder
@@ -229,14 +240,15 @@ class ServoAxis:
         """Read the encoder, unless it does not count."""
         self._blind = self.encoder_lost
         if not self._blind:
-            self._encoder = read_encoder(self._x)
+            self._encoder = self.scale.read(self._x)
 
     def _move(self) -> None:
         """Let the iron go on for a cycle under the force that it has."""
         if self.jammed:
             self._v = 0.0
         elif self._slide:
-            self._x, self._v = self._slide.step(self._x, self._v, self._force)
+            load = self._load.push(self._x + self.origin) if self._load is not None else 0.0
+            self._x, self._v = self._slide.step(self._x, self._v, self._force, load)
         else:
             plant, v, force = self._plant, self._v, self._force
             # In the order of `follow`, to the last bit: which of the two it is, nobody is to see.

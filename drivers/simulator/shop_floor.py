@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from random import Random
+
+import numpy as np
 
 from drivers.simulator.drives import Drives
 from drivers.simulator.plant.collision import Collision, CollisionWatch, Track, clamped
-from drivers.simulator.plant.cutting_force import cutting_torque_n_m
-from drivers.simulator.plant.gauge import look_at, measure_released
+from drivers.simulator.plant.cutting_force import cutting_torque_n_m, material_of
+from drivers.simulator.plant.gauge import Gauge, look_at
+from drivers.simulator.plant.tip_load import Stock
 from drivers.simulator.plant.true_parameters import TrueParameters
-from drivers.simulator.plant.workpiece import Workpiece
+from drivers.simulator.plant.workpiece import ANGLES, Workpiece
 from drivers.simulator.shop_view import ShopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -28,8 +30,10 @@ class ShopFloor:
         self._true = true
         self._inverter = drives.inverter
         self._tool, self._carriage = drives.tool, drives.carriage
+        self._load, self._wander = drives.load, drives.wander
+        self._gauge = Gauge(true)
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
-        self._clampings = Random(true.clamping_seed)
+        self._clampings = true.chance("clampings")
         self._watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
@@ -52,15 +56,37 @@ class ShopFloor:
         self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
         self._torque_n_m = cutting_torque_n_m(job)
         self._watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
+        if self._load is not None:
+            self._load.clamp(
+                Stock(
+                    radius_mm=blank.radius_mm,
+                    ends_mm=(self._free_end_mm, true.jaw_face_mm),
+                    material=material_of(job),
+                    share=true.passive_share,
+                    edge_n_per_mm=true.edge_n_per_mm,
+                )
+            )
 
     def measure(self) -> Trace:
         """Release the part and take its trace in the middle of the cut; until another is clamped, once more."""
         if self._part is not None:
             self._part, self._released = None, self._part
             self._watch.release()
+            if self._load is not None:
+                self._load.clamp(None)
         if self._released is None:
             raise RuntimeError("no part is mounted")
-        return measure_released(self._released, MID_LENGTH, self._nominal_radius_mm)
+        _, free_um = self._released.released_um(MID_LENGTH, self._nominal_radius_mm)
+        return self._gauge.trace(free_um, self._nominal_radius_mm, "free")
+
+    def measure_clamped(self) -> Trace:
+        """Take the trace of the part in the chuck with an indicator where the tool is: the spindle is in it."""
+        if self._part is None:
+            raise RuntimeError("no part is mounted")
+        clamped_um = self._part.clamped_um(MID_LENGTH, self._nominal_radius_mm)
+        if self._wander is not None:
+            clamped_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
+        return self._gauge.trace(clamped_um, self._nominal_radius_mm, "clamped")
 
     def look(self, tool: float, spindle: float, carriage: float) -> ShopView:
         """Look at the chuck with the axes where they are.
@@ -82,9 +108,13 @@ class ShopFloor:
         """Let the tool go along the tracks of the motors: see what it meets, then cut."""
         machine = self._machine
         per_z = 1.0 / machine.carriage.counts_per_mm
+        turns = [y * self._turns_per_count for y in tracks[machine.spindle.motor]]
+        radius_mm = self._tips_mm(tracks[machine.tool.motor])
+        if self._wander is not None:
+            radius_mm = [tip - self._wander.at_mm(turn) for tip, turn in zip(radius_mm, turns, strict=True)]
         track = Track(
-            radius_mm=self._tips_mm(tracks[machine.tool.motor]),
-            turns=[y * self._turns_per_count for y in tracks[machine.spindle.motor]],
+            radius_mm=radius_mm,
+            turns=turns,
             z_mm=[z * per_z for z in tracks[machine.carriage.motor]],
             end_ms=end_ms,
             cycle_ms=machine.controller.servo_period_ms,

@@ -31,6 +31,7 @@ DOCUMENTS = (
     "docs/pmac-emulation.md",
     "docs/screens.md",
     "docs/strategies.md",
+    "docs/traces.md",
 )
 COMMANDS = (
     "python3 -m venv .venv && .venv/bin/pip install -q -e . && .venv/bin/console --sim",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,11 +27,12 @@ from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.true_parameters import PLANTS
+from drivers.simulator.plant.presets import plant_named
 from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import StopPath
 from profiles.job import Job
-from profiles.store import load_job, load_machine
+from profiles.store import LoadedMachine, load_job
+from tests.compact import compact_machine
 
 LOCAL_TIME = "21 Nov 10:00"
 
@@ -98,10 +98,15 @@ class Floor:
         self.looks.append(look)
 
 
-def open_floor(records: Path, seed: int = 1, plant: str = "mounted") -> Floor:
-    """A station on a machine whose chuck and tool were mounted by chance; connected and verified."""
-    machine = load_machine("lee-2001-lathe")
-    sim = SimulatedLathe(machine.machine, PLANTS[plant](machine.machine, random.Random(seed)))
+def open_floor(
+    records: Path, seed: int = 1, plant: str = "mounted", machine: LoadedMachine | None = None
+) -> Floor:
+    """A station on a machine whose chuck and tool were mounted by chance; connected and verified.
+
+    The lathe is that of the paper with everything close together, unless another is given.
+    """
+    machine = machine or compact_machine()
+    sim = SimulatedLathe(machine.machine, plant_named(plant, machine.machine, seed, mounted_by_hand=True))
     link = MemoryLink(sim.connect(), sim)
     stop = StopPath(link)
     made: list[Floor] = []

@@ -9,7 +9,7 @@ from hashlib import sha256
 from itertools import groupby
 
 LOOK = re.compile(r"(?P<lease>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
-LEASE = re.compile(r"(?:M\d+|I\d+)=\d+")
+LEASE = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
 UNFOLDED = 2
 """So many looks in a row stand there as they are."""
 

@@ -17,13 +17,15 @@ from console.text.catalogue import load
 from drivers.pmac.client import PmacClient
 from drivers.simulator.plant.collision import CollisionKind
 from drivers.snapshot import AxisName
+from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.drivers.test_collisions import printed_program
 
 
 @pytest.fixture
 def floor(tmp_path: Path) -> Floor:
-    return open_floor(tmp_path)
+    """The printed program goes 8 mm along the part and needs the room of the whole lathe."""
+    return open_floor(tmp_path, machine=load_machine("lee-2001-lathe"))
 
 
 @pytest.fixture

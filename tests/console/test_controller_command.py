@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from drivers.pmac.configuration.check import Group, Outcome
 from drivers.pmac.configuration.proofs.bench import names_of
 from drivers.pmac.configuration.setting_names import Nature, keys
 from drivers.pmac.configuration.stops import RunOn
-from profiles.machine import SAFETY_DEVICES
+from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, commissioned, of_family
 
@@ -33,7 +34,7 @@ def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Com
     made = commissioned(machine)
 
     @contextmanager
-    def opened(_: object) -> Iterator[Card]:
+    def opened(*_: object) -> Iterator[Card]:
         version, kind = made.client.connect()
         yield Card(
             client=made.client,
@@ -51,23 +52,29 @@ def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Com
     return made
 
 
-def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the commands take the card for one of iron."""
+def signed(machine: MachineProfile, signed_for: str) -> MachineProfile:
+    return replace(machine, safety=replace(machine.safety, signed_for=signed_for))
+
+
+def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = "machine") -> None:
+    """Let the commands take the card for one of iron, whose safety devices somebody has signed for."""
+    machine = signed(card.machine, signed_for)
 
     @contextmanager
-    def opened(_: object) -> Iterator[Card]:
+    def opened(*_: object) -> Iterator[Card]:
         yield Card(
             client=card.client,
             stop=card.stop,
             clock=card.sim,
-            machine=card.machine,
+            machine=machine,
             address="tcp:lathe:1",
             simulated=False,
             version="1.17",
             kind="PMAC1",
         )
 
-    monkeypatch.setattr("console.cli.doctor.opened_card", opened)
+    for module in ("controller", "doctor"):
+        monkeypatch.setattr(f"console.cli.{module}.opened_card", opened)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -292,3 +299,30 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
     assert sorted(missing - words) == []
     assert len(said) > 40
     assert {outcome.value for outcome in Outcome} == {"holds", "noted", "warned", "fails"}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_signature_for_the_simulator_fails_on_iron(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    real(card, monkeypatch, signed_for="simulator")
+    for command in (("doctor",), ("doctor", "--prove", "--yes"), ("controller", "verify")):
+        said = console(*command, "--lang", language)
+        assert said.code == 1, command
+        assert [line for line in said.out.splitlines() if "✗" in line and "safety.signed_for" in line], command
+    assert not any(motor.amplifier_enabled or motor.jogging for motor in card.sim.controller.motors.values())
+    assert not any("J" in line or "OPEN" in line for line in card.lines)
+
+
+def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_iron(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    card.tell("I130=77")
+    real(card, monkeypatch, signed_for="simulator")
+    said = console("controller", "apply", "--yes")
+    assert (said.code, said.out) == (1, "")
+    assert "safety.signed_for" in said.err
+    assert card.client.numbers("I130") == (77.0,)
+    real(card, monkeypatch)
+    assert console("controller", "apply", "--yes").code == 0
+    assert card.client.numbers("I130") != (77.0,)

@@ -24,6 +24,7 @@ from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.console.test_identified_store import POINT, RESPONSE
 from tests.drivers.identification_bench import Stand, stand
+from tests.signed_profile import signed_copy
 
 Console = Callable[..., Any]
 LANGUAGES = ("en", "ko")
@@ -32,7 +33,8 @@ MACHINE = load_machine("lee-2001-lathe").machine
 
 
 def iron(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data: Path) -> Stand:
-    """Let the command take a simulated machine for one of iron."""
+    """Let the command take a simulated machine for one of iron, that somebody has signed for."""
+    signed_copy(machine.name, data / "trilobe" / "machines")
     made = stand(machine)
 
     def reach(*_: object) -> Reached:

@@ -20,14 +20,14 @@ def test_strategies_are_marked_like_the_rules(console: Console) -> None:
 
 
 def test_a_job_that_the_default_strategy_cannot_cut_is_refused(console: Console, job_file: JobFile) -> None:
-    """A lobe of 300 um p-p at 50 Hz lags by more than the 100 um at which I111 trips; no rule is broken."""
-    path = str(job_file(lobe_error_um_pp="300.0", depth_of_cut_mm="0.5"))
+    """A lobe of 350 um p-p at 50 Hz lags by more than the 150 um at which I111 trips; no rule refuses it."""
+    path = str(job_file(lobe_error_um_pp="350.0", depth_of_cut_mm="0.5", cut_length_mm="1.0"))
     said = console("preview", path)
     assert said.code == 1
     assert "✗  pvt: the command would run" in said.out
     seen = console("preview", path, "--json")
     assert seen.code == 1
-    assert {finding["severity"] for finding in seen.json["findings"]} == {"ok"}
+    assert "refusal" not in {finding["severity"] for finding in seen.json["findings"]}
     assert [finding["severity"] for finding in seen.json["strategies"]["pvt"]["findings"]] == ["refusal"]
 
 

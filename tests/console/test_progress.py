@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from console.session.intents import Start
 from console.session.progress import CutProgress, CutStage, phase_error_deg
-from profiles.compensation import Sinusoid
+from profiles.compensation import LobedPath
 from tests.console.floor import experiment_1, open_floor
 
-WANTED = Sinusoid(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=40.0)
+WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=40.0)
 
 
 @given(st.floats(-20.0, 20.0), st.floats(0.5, 1.5), st.integers(0, 1000))
@@ -30,7 +30,7 @@ def test_the_phase_error_is_how_far_the_tool_is_behind(lag_deg: float, gain: flo
 def test_without_a_lobe_there_is_no_phase() -> None:
     looks = np.stack([np.linspace(0.0, 360.0, 60), np.full(60, 100.0)], axis=1)
     assert phase_error_deg(looks, WANTED) is None
-    flat = Sinusoid(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0)
+    flat = LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0)
     assert phase_error_deg(looks, flat) is None
 
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from profiles.store import load_job
+
 Console = Callable[..., Any]
 
 
@@ -21,14 +23,23 @@ def trace(tmp_path: Path, angles_deg: Any, *head: str, eccentric_um: float = 0.0
 
 
 def test_a_warning_goes_to_stderr_with_its_file(console: Console, tmp_path: Path) -> None:
-    path = trace(tmp_path, range(360), "# radius_mm: 26", eccentric_um=500.0)
+    path = trace(tmp_path, range(360), "# direction: left")
     said = console("roundness", str(path), "--filter", "15")
     assert said.code == 0
     assert said.err == f"console: warning: {path}: " + said.err.split(": ", 3)[3]
-    assert "off centre" in said.err
-    assert "off centre" not in said.out
+    assert "direction" in said.err and "spindle, cw, ccw" in said.err
     listed = console("roundness", str(path), "--filter", "15", "--json")
     assert said.err == f"console: warning: {listed.json['warnings'][0]}\n"
+
+
+def test_a_part_far_off_centre_is_told_to_be_taken_about_its_own(console: Console, tmp_path: Path) -> None:
+    path = trace(tmp_path, range(360), "# radius_mm: 26", eccentric_um=500.0)
+    assert "own centre" in console("roundness", str(path)).out
+    assert console("roundness", str(path), "--json").json["recentred"] is True
+    refused = console("roundness", str(trace(tmp_path, range(360), "# radius_mm: 26", eccentric_um=3000.0)))
+    assert refused.code == 1
+    for word in ("part.csv", "3000 um", "2600 um", "centre"):
+        assert word in refused.err
 
 
 @pytest.mark.parametrize("stated", ["0,026", "inf", "nan", "-26", "26 mm", "0"])
@@ -79,3 +90,118 @@ def test_a_perfect_part_has_no_negative_zero(console: Console, tmp_path: Path) -
     path = trace(tmp_path, range(360))
     assert "-0.0" not in console("roundness", str(path), "--filter", "none").out
     assert "-0.0" not in json.dumps(console("roundness", str(path), "--filter", "none", "--json").json["RONv_um"])
+
+
+def lobed(tmp_path: Path, *head: str, direction: int = 1, turns: int = 1) -> Path:
+    """Three lobes of 55 um with a crest 8 deg past jaw 1, which is at 12 deg; 12 um off centre, 3 um too large."""
+    path = tmp_path / "lobed.csv"
+    angle = np.arange(360 * turns)
+    past = np.radians(direction * (angle - 12) - 8)
+    deviation = 3 + 27.5 * np.cos(3 * past) + 12 * np.cos(np.radians(angle)) + 0.5 * (angle // 360)
+    rows = [f"{a},{d!r}" for a, d in zip(angle.tolist(), deviation.tolist(), strict=True)]
+    path.write_text("\n".join([*head, "angle_deg,deviation_um", *rows]))
+    return path
+
+
+def test_all_four_circles_are_listed_unrounded(console: Console, tmp_path: Path) -> None:
+    path = lobed(tmp_path)
+    listed = console("roundness", str(path), "--filter", "none", "--json").json
+    assert [circle["circle"] for circle in listed["circles"]] == ["LSC", "MZC", "MCC", "MIC"]
+    for circle in listed["circles"]:
+        assert circle["RONt_um"] == pytest.approx(listed["RONt_um"], abs=0.05)
+        assert (circle["centre_x_um"], circle["centre_y_um"]) == pytest.approx((12, 0), abs=0.05)
+        assert {"RONp_um", "RONv_um", "RONq_um", "deviation_um"} <= circle.keys()
+    sides = [contact["outer"] for contact in listed["circles"][1]["contacts"]]
+    assert sides in ([True, False] * 2, [False, True] * 2)
+    smallest = console("roundness", str(path), "--filter", "none", "--circle", "MZC", "--json").json
+    assert smallest["reference_circle"] == "MZC"
+    assert smallest["RONt_um"] == listed["circles"][1]["RONt_um"]
+    assert "MZC, filter none" in console("roundness", str(path), "--filter", "none", "--circle", "MZC").out
+
+
+@pytest.mark.parametrize(("direction", "word"), [(1, "cw"), (-1, "ccw")])
+def test_the_crest_is_told_against_jaw_1(console: Console, tmp_path: Path, direction: int, word: str) -> None:
+    path = lobed(tmp_path, f"# direction: {word}", "# jaw_1_deg: 12", direction=direction)
+    listed = console("roundness", str(path), "--json").json
+    assert listed["phase_known"] is True
+    assert listed["harmonics"][1]["past_jaw_1_deg"] == pytest.approx(8)
+    assert "past jaw 1" in console("roundness", str(path)).out
+
+
+@pytest.mark.parametrize(
+    ("line", "missing"), [("# direction: cw", "jaw_1_deg"), ("# start_mark: jaw 1", "direction")]
+)
+def test_a_missing_mark_or_direction_blocks_no_circle(
+    console: Console, tmp_path: Path, line: str, missing: str
+) -> None:
+    said = console("roundness", str(lobed(tmp_path, line)))
+    assert said.code == 0
+    assert f"not state {missing}" in said.out
+    listed = console("roundness", str(lobed(tmp_path, line)), "--json").json
+    assert (listed["phase_known"], listed["harmonics"][1]["past_jaw_1_deg"]) == (False, None)
+    assert listed["RONt_um"] == pytest.approx(55, abs=0.2)
+
+
+def test_a_trace_from_the_spindle_index_takes_jaw_1_from_the_job(console: Console, tmp_path: Path) -> None:
+    path = lobed(tmp_path, "# direction: spindle", "# start_mark: spindle index")
+    assert "--job" in console("roundness", str(path)).out
+    listed = console("roundness", str(path), "--job", "lee-2001-experiment-1", "--json").json
+    assert listed["jaw_1_deg"] == 90
+    assert listed["harmonics"][1]["past_jaw_1_deg"] == pytest.approx((20 - 90) % 120)
+
+
+def test_the_size_says_how_far_the_tool_has_to_go_on(console: Console, tmp_path: Path) -> None:
+    """The part is 6 um larger in diameter than twice its radius_mm; the job says what it should be."""
+    path = lobed(tmp_path, "# radius_mm: 25.7")
+    words = ("roundness", str(path), "--job", "lee-2001-experiment-1")
+    job = load_job("lee-2001-experiment-1").job
+    listed = console(*words, "--json").json
+    assert listed["mean_diameter_mm"] == pytest.approx(51.406)
+    too_large_um = 1000 * (51.406 - (job.diameter_mm - 2 * job.depth_of_cut_mm))
+    assert listed["tool_offset_um"] == pytest.approx(too_large_um / 2)
+    assert "into the work" in console(*words).out
+    relative = console(
+        "roundness", str(lobed(tmp_path, "# radius_mm: 25.7", "# size: relative")), *words[2:], "--json"
+    )
+    assert (relative.json["mean_diameter_mm"], relative.json["tool_offset_um"]) == (None, None)
+    assert "radius_mm" in relative.err
+
+
+def test_several_turns_tell_what_repeats(console: Console, tmp_path: Path) -> None:
+    path = lobed(tmp_path, "# turns: 3", turns=3)
+    listed = console("roundness", str(path), "--json").json
+    assert (listed["points"], listed["turns"]["count"]) == (360, 3)
+    assert listed["turns"]["random_um"] == pytest.approx(0.5)
+    assert "mean of 3 turns" in console("roundness", str(path)).out
+
+
+def test_readings_over_a_v_block(console: Console, tmp_path: Path) -> None:
+    path = lobed(tmp_path, "# method: v_block")
+    words = ("roundness", str(path), "--filter", "none")
+    listed = console(*words, "--vblock", "60", "--lobes", "3", "--json").json
+    assert (listed["factor"], listed["lobe_pp_um"]) == (pytest.approx(3), pytest.approx(55 / 3))
+    assert listed["phase_deg"] == pytest.approx(20)
+    said = console(*words, "--vblock", "60", "--lobes", "3")
+    assert "V-block of 60 deg" in said.out and "18.333" in said.out
+    for more, told in (
+        ((), "--vblock DEG --lobes N"),
+        (("--vblock", "90"), "--vblock DEG --lobes N"),
+        (("--vblock", "90", "--lobes", "9"), "0.5"),
+        (("--vblock", "180", "--lobes", "3"), "hides"),
+        (("--vblock", "90", "--lobes", "16"), "2 - 15"),
+    ):
+        refused = console(*words, *more)
+        assert refused.code == 1 and told in refused.err
+    assert console("roundness", str(lobed(tmp_path, "# method: two_point"))).code == 1
+
+
+def test_a_band_and_a_robust_fit(console: Console, tmp_path: Path) -> None:
+    path = lobed(tmp_path, "# filter_upr: 150")
+    said = console("roundness", str(path), "--band", "2:15")
+    assert "filter 2 - 15 UPR" in said.out and "before, at 150 UPR" in said.out
+    listed = console("roundness", str(path), "--band", "2:15", "--json").json
+    assert (listed["filter_upr"], listed["above_upr"], listed["filter_applied_upr"]) == (15, 2, 150)
+    path.write_text(path.read_text().replace("\n100,-", "\n100,-9"))
+    assert "left out: 1" in console("roundness", str(path), "--robust").out
+    assert console("roundness", str(path), "--band", "15:2").code == 2
+    assert console("roundness", str(path), "--band", "2:15", "--filter", "15").code == 2

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+import profiles.store
+
 Console = Callable[..., Any]
 JobFile = Callable[..., Path]
 
@@ -18,6 +20,21 @@ FILTER_AT_3 = 0.99751
 
 SHORT_MM = "1.0"
 """A cut of 34 turns, for what is in each of them or in none."""
+
+CLOSE_TOGETHER = {"home_radius_mm = 76.0": "home_radius_mm = 29.0", "jaw_face_mm = 200.0": "jaw_face_mm = 40.0"}
+
+
+@pytest.fixture
+def close(data_folder: Path) -> tuple[str, str]:
+    """What has a part cut on the bundled lathe with everything close together: no test here is about its ways."""
+    text = (profiles.store.BUNDLED_MACHINES / "lee-2001-lathe.toml").read_text(encoding="utf-8")
+    for usual, near in CLOSE_TOGETHER.items():
+        assert usual in text
+        text = text.replace(usual, near)
+    own = data_folder / "trilobe" / "machines" / "close.toml"
+    own.parent.mkdir(parents=True)
+    own.write_text(text, encoding="utf-8")
+    return "--machine", "close"
 
 
 def harmonic(result: dict[str, Any], n: int) -> dict[str, float]:
@@ -47,18 +64,20 @@ def test_the_lobe_of_the_paper_is_measured_and_then_taken_away(
         assert (part["reference_circle"], part["filter_upr"], part["state"]) == ("LSC", 50, "free")
 
 
-def test_tool_error_and_following_error_are_two_things(console: Console, job_file: JobFile) -> None:
+def test_tool_error_and_following_error_are_two_things(
+    console: Console, close: tuple[str, str], job_file: JobFile
+) -> None:
     """The command runs ahead of the tool by the lag of the servo; the tool is where the part wants it."""
-    result = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", "--json").json
+    result = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close, "--json").json
     assert result["tool_error_um"] < 2.0
     # |1 - T| of the command: 31.05 um times |1 - 0.8855 exp(-0.9023j)|.
     assert result["following_error_um"] == pytest.approx(31.05 * 0.8294, abs=1.5)
 
 
 def test_the_printed_program_turns_at_half_the_speed_with_two_thirds_of_the_stroke(
-    console: Console, job_file: JobFile
+    console: Console, close: tuple[str, str], job_file: JobFile
 ) -> None:
-    said = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", "--json", "--strategy", "paper")
+    said = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close, "--json", "--strategy", "paper")
     result = said.json
     assert result["spindle_rpm"] == pytest.approx(500, rel=1e-4)
     assert result["lobe_frequency_hz"] == pytest.approx(25, rel=1e-4)
@@ -73,9 +92,11 @@ def test_the_printed_program_turns_at_half_the_speed_with_two_thirds_of_the_stro
     assert result["after"]["RONt_um"] == pytest.approx(28, abs=1.0)
 
 
-def test_ts_5_reaches_the_speed_but_not_the_stroke(console: Console, job_file: JobFile) -> None:
+def test_ts_5_reaches_the_speed_but_not_the_stroke(
+    console: Console, close: tuple[str, str], job_file: JobFile
+) -> None:
     job = str(job_file(cut_length_mm=SHORT_MM))
-    result = console("run", job, "--sim", "--json", "--strategy", "paper", "--ts", "5").json
+    result = console("run", job, "--sim", *close, "--json", "--strategy", "paper", "--ts", "5").json
     assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
     assert "36.67 um (66.7 %)" in " ".join(result["warnings"])
     assert result["segment_ms"] == 10
@@ -107,7 +128,9 @@ def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(console: Consol
 
 
 @pytest.mark.parametrize(("rpm", "jaws"), [(173.0, 3), (1377.7, 3), (2400.0, 2), (601.3, 6)])
-def test_any_permitted_speed_is_compensated(console: Console, job_file: JobFile, rpm: float, jaws: int) -> None:
+def test_any_permitted_speed_is_compensated(
+    console: Console, close: tuple[str, str], job_file: JobFile, rpm: float, jaws: int
+) -> None:
     path = job_file(
         jaws=str(jaws),
         spindle_speed_rpm=str(rpm),
@@ -116,18 +139,22 @@ def test_any_permitted_speed_is_compensated(console: Console, job_file: JobFile,
         feed_mm_per_rev="0.2",
         cut_length_mm="4.0",
     )
-    result = console("run", str(path), "--sim", "--json").json
+    result = console("run", str(path), "--sim", *close, "--json").json
     assert result["before"]["RONt_um"] == pytest.approx(12.5, abs=0.3)
     assert result["after"]["RONt_um"] < 1.0
 
 
-def test_the_same_command_gives_the_same_numbers(console: Console, job_file: JobFile) -> None:
-    words = ("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", "--json")
+def test_the_same_command_gives_the_same_numbers(
+    console: Console, close: tuple[str, str], job_file: JobFile
+) -> None:
+    words = ("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close, "--json")
     assert console(*words).out == console(*words).out
 
 
-def test_people_are_told_the_steps_and_the_result_with_units(console: Console, job_file: JobFile) -> None:
-    said = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim")
+def test_people_are_told_the_steps_and_the_result_with_units(
+    console: Console, close: tuple[str, str], job_file: JobFile
+) -> None:
+    said = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close)
     assert said.code == 0
     assert said.err == ""
     for word in ("load program", "home and align", "arm", "cut", "retract", "measure", "um", "rpm", "LSC", "free"):
@@ -135,17 +162,17 @@ def test_people_are_told_the_steps_and_the_result_with_units(console: Console, j
     assert "not machined" in said.out
 
 
-def test_people_are_told_in_korean(console: Console, job_file: JobFile) -> None:
+def test_people_are_told_in_korean(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
     job = str(job_file(cut_length_mm=SHORT_MM))
-    said = console("run", job, "--sim", "--lang", "ko", "--strategy", "paper")
+    said = console("run", job, "--sim", *close, "--lang", "ko", "--strategy", "paper")
     assert "보상 전" in said.out
     assert "주의" in said.err
 
 
 def test_every_run_is_recorded_and_no_line_can_be_changed(
-    console: Console, job_file: JobFile, data_folder: Path
+    console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path
 ) -> None:
-    console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", "--json")
+    console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close, "--json")
     database = sqlite3.connect(data_folder / "trilobe" / "records.sqlite3")
     row = database.execute("SELECT job, simulated, strategy, length(job_sha256), program FROM runs").fetchone()
     assert row[:4] == ("lee-2001-experiment-1", 1, "pvt", 64)
@@ -170,10 +197,24 @@ def test_without_a_place_for_the_record_nothing_is_started(console: Console, tmp
 
 @pytest.mark.parametrize(("language", "word"), [("en", "deeper"), ("ko", "충돌")])
 def test_what_the_tool_ran_into_is_told(
-    console: Console, job_file: JobFile, monkeypatch: pytest.MonkeyPatch, language: str, word: str
+    console: Console,
+    close: tuple[str, str],
+    job_file: JobFile,
+    monkeypatch: pytest.MonkeyPatch,
+    language: str,
+    word: str,
 ) -> None:
     """A tool that takes nothing, put to an ordinary cut."""
-    words = ("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", "--strategy", "none", "--lang", language)
+    words = (
+        "run",
+        str(job_file(cut_length_mm=SHORT_MM)),
+        "--sim",
+        *close,
+        "--strategy",
+        "none",
+        "--lang",
+        language,
+    )
     monkeypatch.setattr("drivers.simulator.plant.collision.TOOL_TAKES_MM", -0.05)
     assert any(word in line for line in console(*words).out.splitlines())
     assert console(*words, "--json").json["collisions"] == ["too_deep"]

@@ -15,7 +15,7 @@ from drivers.link.address import TcpAddress
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.control_address import UnixAddress
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.true_parameters import PLANTS
+from drivers.simulator.plant.presets import PLANTS
 from drivers.simulator.server import Listeners
 
 Console = Callable[..., Any]
@@ -170,18 +170,38 @@ def test_chance_is_drawn_from_the_seed(console: Console, lathes: list[SimulatedL
     assert len(set(jaws)) > 2
 
 
-def test_a_realistic_spindle_is_heavier_than_a_mounted_one(console: Console, lathes: list[SimulatedLathe]) -> None:
-    """With the same torque, by the 20 % that it has more inertia."""
+def test_a_plant_may_be_a_file_of_ones_own(console: Console, lathes: list[SimulatedLathe], tmp_path: Path) -> None:
+    """A slide of 1.25 times the mass goes that much less far under the same force."""
+    plant = tmp_path / "heavy.toml"
+    plant.write_text("[tool]\nmass_factor = 1.25\n", encoding="utf-8")
     ways = []
-    for plant in ("mounted", "realistic"):
-        console("simulator", *TCP, "--plant", plant, "--seed", "7")
+    for name in ("ideal", str(plant)):
+        assert console("simulator", *TCP, "--plant", name).code == 0
         port = lathes[-1].connect()
-        port.receive(b"#2O10\r")
-        motor = lathes[-1].controller.motors[2]
+        port.receive(b"#1O10\r")
+        motor = lathes[-1].controller.motors[1]
         before = motor.actual
         lathes[-1].wait(0.02)
         ways.append(motor.actual - before)
-    assert ways[0] / ways[1] == pytest.approx(1.2, rel=0.02)
+    assert ways[0] / ways[1] == pytest.approx(1.25, rel=0.05)
+
+
+def test_a_wrong_plant_file_says_what_is_wrong(console: Console, tmp_path: Path) -> None:
+    plant = tmp_path / "mine.toml"
+    plant.write_text("[tool]\nmass_facter = 1.05\ncoulomb_friction_n = 99.0\n", encoding="utf-8")
+    said = console("simulator", *TCP, "--plant", str(plant))
+    assert said.code == 1
+    assert all(word in said.err for word in ("mine.toml", "mass_facter", "mass_factor"))
+
+
+@pytest.mark.parametrize("percent", ["-1", "51", "x", "nan"])
+def test_what_is_no_spread_of_clampings_is_refused_with_the_range(
+    console: Console, lathes: list[SimulatedLathe], percent: str
+) -> None:
+    said = console("simulator", *TCP, f"--clamping-sd={percent}")
+    assert (said.code, len(said.err.splitlines())) == (2, 1)
+    assert "--clamping-sd" in said.err
+    assert lathes == []
 
 
 @pytest.mark.parametrize("seed", ["", "-1", "1.5", "x", "\u0663", "4294967296"])

@@ -147,9 +147,9 @@ def test_a_stop_in_mid_cut_says_where_it_marked_the_part(aligned: Floor) -> None
     aligned.when(lambda _: in_the_part(aligned, half_done), lambda: aligned.stop.stop("space"))
     state = aligned.do(Start())
     assert state.stop is not None and state.stop.of_cut and state.snapshot is not None
-    # The face is 30 mm before the jaws at 200 mm; the carriage has 1000 counts a mm.
+    # The face is 30 mm before the jaws at 40 mm; the carriage has 1000 counts a mm.
     assert state.marks_mm == (state.stop.mark_mm,)
-    assert state.stop.mark_mm == pytest.approx(state.snapshot.carriage.position / 1000.0 - 170.0)
+    assert state.stop.mark_mm == pytest.approx(state.snapshot.carriage.position / 1000.0 - 10.0)
     assert state.stop.mark_mm == pytest.approx(2.0, abs=0.1)
     assert aligned.place.plan is not None
     stood_um = 0.2 * (state.snapshot.tool.position - aligned.place.plan.setup.surface)

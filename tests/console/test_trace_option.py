@@ -1,4 +1,4 @@
-"""`console run --trace FILE`: the whole dialogue of a job, for a person to read."""
+"""`--trace FILE`: the whole dialogue with a controller, for a person to read."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from drivers.link.memory import MemoryLink
+from drivers.simulator.machine import SimulatedLathe
+from profiles.store import load_machine
 
 Console = Callable[..., Any]
 JobFile = Callable[..., Path]
@@ -59,3 +63,34 @@ def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
     assert [("No space left" in line) for line in said.err.splitlines()].count(True) == 1
     assert said.json["after"]["RONt_um"] < 1.0
     assert [warning for warning in said.json["warnings"] if "No space left" in warning] != []
+
+
+@pytest.mark.parametrize(
+    ("command", "asked"),
+    [(("doctor",), "I10"), (("controller", "verify"), "I10"), (("controller", "backup", "{file}"), "LIST PLC1")],
+    ids=["doctor", "verify", "backup"],
+)
+def test_what_looks_at_a_controller_is_traced_as_well(
+    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], asked: str
+) -> None:
+    sim = SimulatedLathe(load_machine("lee-2001-lathe").machine)
+    monkeypatch.setattr("console.cli.card_access.open_link", lambda _: MemoryLink(sim.connect(), sim))
+    path = tmp_path / "trace"
+    words = [word.format(file=tmp_path / "card.pmac") for word in command]
+    said = console(*words, "--link", "tcp:lathe:1", "--trace", str(path))
+    assert (said.out != "", said.err) == (True, "")
+    first, *lines = path.read_text(encoding="utf-8").splitlines()
+    assert re.fullmatch(rf"# \S+ {command[0]} lee-2001-lathe", first)
+    assert [line for line in lines if not LINE.fullmatch(line)] == []
+    assert any(" > " in line and asked in line for line in lines)
+    assert any(line.endswith("< [ACK]") for line in lines)
+
+
+def test_without_room_for_it_no_controller_is_looked_for(
+    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[object] = []
+    monkeypatch.setattr("console.cli.card_access.open_link", opened.append)
+    said = console("doctor", "--link", "tcp:lathe:1", "--trace", str(tmp_path))
+    assert (said.code, said.out, opened) == (1, "", [])
+    assert "Is a directory" in said.err

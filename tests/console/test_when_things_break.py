@@ -159,7 +159,7 @@ def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
     [
         ({"cut_length_mm": 0.1}, "cut.too_short"),
         ({"cut_length_mm": 27.9, "feed_mm_per_rev": 0.4, "spindle_speed_rpm": 2400.0}, "cut.near_jaws"),
-        ({"lobe_error_um_pp": 900.0, "spindle_speed_rpm": 500.0, "depth_of_cut_mm": 0.5}, "cut.following_error"),
+        ({"lobe_error_um_pp": 990.0, "spindle_speed_rpm": 800.0, "depth_of_cut_mm": 0.5}, "cut.following_error"),
     ],
 )
 @pytest.mark.parametrize("strategy", [Strategy.PAPER, Strategy.PVT])

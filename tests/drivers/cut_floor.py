@@ -59,9 +59,11 @@ class CutFloor:
         strategy: Strategy,
         true: TrueParameters | None = None,
         lease: str = "",
+        *,
+        trimmed: bool = False,
     ) -> None:
         self.job, self.machine = job, machine
-        self.plan: CutPlan = plan_cut(job, machine, strategy, lease=lease)
+        self.plan: CutPlan = plan_cut(job, machine, strategy, lease=lease, trimmed=trimmed)
         sim = SimulatedLathe(machine, true, DIALECTS[machine.controller.family])
         self.card = Wire(sim=sim, port=sim.connect())
         self.card.raw("I3=2 I6=1\r")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from random import Random
 
 from drivers.heartbeat import Heartbeat
 from drivers.identification.identify import origin_of, take_up
@@ -10,6 +11,7 @@ from drivers.identification.result import Origin
 from drivers.identification.rig import Rig
 from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
+from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
@@ -66,16 +68,18 @@ class Stand:
             self.rig.client.request(each, lines=0)
 
 
-def stand(machine: MachineProfile, true: TrueParameters | None = None, *, leased: bool = True) -> Stand:
+def stand(machine: MachineProfile, true: TrueParameters | None = None) -> Stand:
     sim = SimulatedLathe(machine, true)
     line = HeardPort(port=sim.connect())
     link, clock = MemoryLink(line, sim), HostClock(sim=sim)
     client, stop = PmacClient(link, clock), StopPath(link)
-    heartbeat = Heartbeat(client, clock, machine) if leased else None
-    lathe = Lathe(client, machine, clock, stop, heartbeat=heartbeat)
+    ownership = Ownership(client, Random(1))
+    heartbeat = Heartbeat(client, clock, machine, owner_seen=ownership.see)
+    lathe = Lathe(client, machine, clock, stop, heartbeat=heartbeat, ownership=ownership)
     version, kind = lathe.connect()
+    lathe.claim()
     line.heard = b""
-    rig = Rig(client=client, lathe=lathe, clock=clock, leased=leased)
+    rig = Rig(client=client, lathe=lathe, clock=clock)
     return Stand(sim=sim, line=line, clock=clock, stop=stop, rig=rig, version=version, kind=kind)
 
 

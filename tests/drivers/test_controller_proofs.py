@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
-from drivers.errors import LinkError
+from drivers.errors import DriverError, LinkError
 from drivers.pmac.configuration.check import Check, Outcome
 from drivers.pmac.configuration.proofs.bench import names_of
 from drivers.pmac.configuration.proofs.motion import pvt_rounding
@@ -16,11 +17,14 @@ from drivers.pmac.configuration.proofs.tables import compensation_edge, roll_ove
 from drivers.pmac.configuration.proofs.timing import servo_rate
 from drivers.pmac.configuration.reading import read_configuration, whole_card
 from drivers.pmac.heartbeat.registers import definitions
+from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.reserved import OWNER
 from drivers.simulator.leads import Leads
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.motor import Motor
 from drivers.stop import StoppedError
 from profiles.machine import MachineProfile
+from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, Watched, commissioned
 from tests.drivers.families import machine as machine  # both families
 
@@ -80,6 +84,58 @@ def test_nothing_is_proven_with_drives_on_or_with_somebodys_table(
     card.line.heard = b""
     assert prove(card.client, card.stop, card.sim, verification).checks[0].code == "proofs_refused"
     assert card.line.heard == b""
+
+
+def jogging(card: Commissioned) -> bool:
+    return any(motor.jogging for motor in card.sim.controller.motors.values())
+
+
+SITUATIONS: dict[str, Callable[[Commissioned], bool]] = {
+    "the spindle turns under a table": lambda card: card.sim.controller.motors[2].jogging,
+    "a program of the proofs runs": lambda card: card.sim.controller.systems[1].running,
+    "an axis is homed on its lease": lambda card: jogging(card) and b"HM" in card.line.heard[-150:],
+    "all axes jog on their lease": lambda card: jogging(card) and b"J+" in card.line.heard[-150:],
+}
+
+
+@pytest.mark.parametrize("situation", SITUATIONS)
+def test_what_moves_is_stopped_when_another_console_takes_the_machine(situation: str) -> None:
+    card = commissioned(load_machine("lee-2001-lathe").machine)
+    card.tell("P1000=5")
+    verification = card.verify()
+    said: list[int] = []
+
+    def take() -> None:
+        if not said and SITUATIONS[situation](card):
+            card.sim.controller.variables.set(VariableKind.P, OWNER, 77.0)
+            said.append(len(card.line.heard))
+
+    with pytest.raises(DriverError) as ended:
+        prove(card.client, card.stop, Watched(card.sim, take), verification, owner=5)
+    assert [(p.code, p.value, p.limit) for p in ended.value.problems] == [("owner.ousted", "77", "5")]
+    # Questions, one lease at most, and the stop: no motion, no setting, nothing that is put back.
+    after = card.line.heard[said[0] :]
+    assert after.endswith(b"\x0b") and after.count(b"\x0b") == 1
+    assert after.count(b"=") <= 1 and b"J" not in after and b"OPEN" not in after and b"DELETE" not in after
+    card.sim.wait(1.0)
+    assert not jogging(card)
+    assert not card.sim.controller.systems[1].running
+
+
+def test_at_rest_nothing_at_all_goes_to_a_machine_that_is_anothers() -> None:
+    card = commissioned(load_machine("lee-2001-lathe").machine)
+    verification = card.verify()
+    said: list[int] = []
+
+    def take() -> None:
+        if not said and card.sim.controller.variables.i(51) == 1.0:
+            card.sim.controller.variables.set(VariableKind.P, OWNER, 77.0)
+            said.append(len(card.line.heard))
+
+    with pytest.raises(DriverError) as ended:
+        prove(card.client, card.stop, Watched(card.sim, take), verification)
+    assert ended.value.problems[0].code == "owner.ousted"
+    assert card.line.heard[said[0] :].strip(b"\r") == b"P1000"
 
 
 def test_a_stop_ends_the_proofs_with_every_drive_killed(machine: MachineProfile) -> None:

@@ -43,7 +43,7 @@ def test_every_group_is_looked_at(machine: MachineProfile) -> None:
         ("I115=0.25", "soft_abort", "I115", "0.25 counts/ms2 (50 mm/s2)", "40 counts/ms2 (8000 mm/s2)"),
         ("I115=0", "no_limit", "I115", "0 counts/ms2 (0 mm/s2)", "40 counts/ms2 (8000 mm/s2)"),
         ("I117=0", "no_limit", "I117", "0 counts/ms2 (0 mm/s2)", "422 counts/ms2 (84400 mm/s2)"),
-        ("I111=0", "no_limit", "I111", "0 /16 counts (0 mm)", "8000 /16 counts (0.1 mm)"),
+        ("I111=0", "no_limit", "I111", "0 /16 counts (0 mm)", "12000 /16 counts (0.15 mm)"),
         ("I113=0", "no_limit", "I113", "0 counts (0 mm)", "375000 counts (75 mm)"),
         ("I314=0", "no_limit", "I314", "0 counts (0 mm)", "-5000 counts (-5 mm)"),
         ("I113=400000", "beyond_travel", "I113", "400000 counts (80 mm)", "375000 counts (75 mm)"),

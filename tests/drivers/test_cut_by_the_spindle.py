@@ -9,6 +9,7 @@ import pytest
 
 from drivers.cut import Strategy
 from drivers.simulator.plant.true_parameters import ideal
+from tests.drivers.close_together import machine as machine
 from tests.drivers.cut_floor import CutFloor, short
 
 if TYPE_CHECKING:

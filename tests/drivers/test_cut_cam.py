@@ -16,6 +16,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from profiles.compensation import wanted_path
 from profiles.problem import ProblemError
+from tests.drivers.close_together import machine as machine
 from tests.drivers.cut_floor import FAMILIES, CutFloor, Track, of_family, short, with_inverter
 
 if TYPE_CHECKING:
@@ -160,3 +161,28 @@ def test_a_cut_beside_the_end_of_the_travel_is_refused(machine: MachineProfile, 
     with pytest.raises(ProblemError) as refused:
         plan_cut(job, machine, Strategy.CAM)
     assert refused.value.problems[0].code == "program.no_zero_row"
+
+
+def test_a_lobe_that_grows_along_the_part_is_followed_along_the_part(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """5 % of the lobe a mm, towards the jaws: 1.4 um of amplitude a mm, all of it in the table."""
+    job = replace(short(experiment), lobe_growth_percent_per_mm=5.0)
+    floor = CutFloor(job, machine, Strategy.CAM)
+    track = floor.cut()
+    middle = floor.plan.setup.carriage_middle
+    for past_mm in (-0.6, 0.0, 0.6):
+        here = (np.abs(track.carriage - middle - 1000.0 * past_mm) < 150.0) & (
+            track.tool > floor.plan.setup.surface
+        )
+        angle = np.radians(track.spindle[here] * 0.036)
+        infeed_um = (track.tool[here] - floor.plan.setup.surface) * 0.2
+        lobe = 2.0 * np.mean((infeed_um - infeed_um.mean()) * np.exp(-3j * angle))
+        assert abs(lobe) == pytest.approx(27.5 * (1.0 + 0.05 * past_mm), abs=0.15)
+    assert floor.measured().ront_um < 0.3
+
+
+def test_other_strategies_refuse_a_lobe_that_grows(machine: MachineProfile, experiment: JobMaker) -> None:
+    job = replace(short(experiment), lobe_growth_percent_per_mm=5.0)
+    with pytest.raises(ProblemError, match=r"program\.no_growth"):
+        plan_cut(job, machine, Strategy.PVT)

@@ -22,7 +22,7 @@ from drivers.pmac.programs.setup import cut_setup
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planned import MoveRecord
-from profiles.compensation import Sinusoid, wanted_path
+from profiles.compensation import LobedPath, wanted_path
 from profiles.store import load_job, load_machine
 
 if TYPE_CHECKING:
@@ -36,12 +36,12 @@ TURN = 10_000
 angles_deg = st.floats(-180.0, 180.0)
 
 
-def cam(command: Sinusoid, overhang_mm: float = JOB.overhang_mm) -> Cam:
+def cam(command: LobedPath, overhang_mm: float = JOB.overhang_mm) -> Cam:
     return make_cam(MACHINE, cut_setup(replace(JOB, overhang_mm=overhang_mm), MACHINE), command)
 
 
-def sine(amplitude_um: float = 31.0, lobes: int = 3, crest_deg: float = 17.0) -> Sinusoid:
-    return Sinusoid(mean_um=100.0, amplitude_um=amplitude_um, lobes=lobes, crest_deg=crest_deg)
+def sine(amplitude_um: float = 31.0, lobes: int = 3, crest_deg: float = 17.0) -> LobedPath:
+    return LobedPath(mean_um=100.0, amplitude_um=amplitude_um, lobes=lobes, crest_deg=crest_deg)
 
 
 @given(amplitude=st.floats(0.5, 200.0), lobes=st.integers(2, 12), crest=angles_deg)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from random import Random
 
 import numpy as np
 import pytest
@@ -11,7 +10,8 @@ import pytest
 from drivers.pmac.settings import settings_with
 from drivers.simulator.control_line import answer
 from drivers.simulator.drives import Drives, build_drives
-from drivers.simulator.plant.true_parameters import TrueParameters, as_mounted, ideal
+from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import TrueBenchMaker
 
@@ -22,7 +22,7 @@ TOOL_MM, CARRIAGE_MM = (-5.0, 78.0), (-8.0, 202.0)
 
 
 def mounted(machine: MachineProfile) -> TrueParameters:
-    return as_mounted(machine, Random(1))
+    return plant_named("mounted", machine, 1)
 
 
 def drives(machine: MachineProfile, true: TrueParameters | None = None) -> Drives:

@@ -86,7 +86,7 @@ def test_a_lost_encoder_runs_away_unseen_and_trips(closed: Bench) -> None:
     closed.client.request("#1J=20000")
     closed.sim.wait(2.0)
     assert closed.number("#1P") == place, "what is seen"
-    assert abs(motor.iron - iron) > 500, "and what is: more than the 100 um of the fatal following error"
+    assert abs(motor.iron - iron) > 500, "and what is: a hundred um and more"
     assert status(closed, 1) & (AMPLIFIER_ON | FATAL_ERROR) == FATAL_ERROR
 
 

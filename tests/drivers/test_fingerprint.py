@@ -7,7 +7,7 @@ import pytest
 from drivers.cut import plan_cut
 from drivers.cutting.plan import Strategy
 from drivers.heartbeat import Heartbeat
-from drivers.pmac.configuration.fingerprint import Fingerprint, Part, fingerprint_problems, ours, read_fingerprint
+from drivers.pmac.configuration.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.pmac.program_load import load_program
 from profiles.machine import MachineProfile
 from profiles.store import load_job
@@ -119,13 +119,3 @@ def test_nothing_is_written_and_the_second_reading_is_short(machine: MachineProf
     assert not any("=" in line and not line.startswith("P1001=") for line in card.lines)
     # At 38400 baud a character takes 0.26 ms; the host's half of the line stays below half a second.
     assert len(card.line.heard) < min(whole / 2, 1900)
-
-
-def test_each_part_has_a_hash_of_its_own(machine: MachineProfile) -> None:
-    card, before = prepared(machine)
-    assert before.hashes.keys() == set(Part)
-    for line, part in (("I116=400", Part.SETTINGS), ("I51=1", Part.COMPENSATION), ("#3->2Z", Part.AXES)):
-        earlier = taken(card)
-        card.tell(line)
-        now = taken(card)
-        assert {each for each in Part if earlier.hashes[each] != now.hashes[each]} == {part}

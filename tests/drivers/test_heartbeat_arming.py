@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers.errors import ControllerError, LinkError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.arming import heartbeat_problems
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
-from drivers.pmac.heartbeat.proof import LeaseProof, proof_problems, prove_lease
+from drivers.pmac.heartbeat.proof import LeaseProof, proof_problems
 from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
@@ -34,7 +33,6 @@ class Host:
         self.client = PmacClient(MemoryLink(self.port, self.sim), self.sim)
         self.client.connect()
         self.tell("I5=2", *(set_up_lines(machine, dialect, Policy.RETRACT) if loaded else ()))
-        self.stopped: list[str] = []
 
     def tell(self, *lines: str) -> None:
         for line in lines:
@@ -48,14 +46,6 @@ class Host:
 
     def codes(self, policy: Policy = Policy.RETRACT) -> list[str]:
         return [problem.code for problem in self.problems(policy)]
-
-    def prove(self, motor: int = 3, direction: int = 1) -> LeaseProof:
-        self.tell("#1J/#2J/#3J/")
-        return prove_lease(self.client, self.sim, self.dialect, motor, direction, self.stop)
-
-    def stop(self, reason: str) -> None:
-        self.stopped.append(reason)
-        self.client.link.send_urgent(b"\x01")
 
 
 @FAMILIES
@@ -215,51 +205,6 @@ def test_an_ending_under_way_forbids_the_next(machine: MachineProfile, dialect: 
     host.tell("#1J/#2J/#3J/", "OPEN PROG5 CLEAR", "LINEAR INC TA100 TM3000 X1000", "CLOSE", "&1B5")
     host.tell("P1007=3000 P1003=2 R")
     assert host.codes() == ["heartbeat.ending", "heartbeat.lost"]
-
-
-@FAMILIES
-@pytest.mark.parametrize("motor", [1, 3])
-def test_the_proof_test_ends_within_the_promise(machine: MachineProfile, dialect: Dialect, motor: int) -> None:
-    host = Host(machine, dialect)
-    proof = host.prove(motor)
-    assert proof_problems(proof) == ()
-    assert proof.ended_s is not None
-    assert proof.at_rest_s is not None
-    assert 0.28 <= proof.ended_s <= 0.3
-    assert proof.at_rest_s <= 0.3 + 0.1 + 0.02
-    assert host.stopped == []
-    assert host.codes() == []
-
-
-@FAMILIES
-def test_a_proof_without_a_heartbeat_fails_and_is_stopped_in_another_way(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
-    host = Host(machine, dialect)
-    host.tell("DISABLE PLC20")
-    proof = host.prove()
-    assert [problem.code for problem in proof_problems(proof)] == ["heartbeat.not_ended"]
-    assert len(host.stopped) == 1
-    host.sim.wait(1.0)
-    assert not host.sim.controller.motors[3].jogging
-
-
-@FAMILIES
-def test_a_proof_whose_link_breaks_stops_the_machine(machine: MachineProfile, dialect: Dialect) -> None:
-    host = Host(machine, dialect)
-    host.sim.faults.inject("hang", after_s=0.2)
-    with pytest.raises(LinkError):
-        host.prove()
-    assert len(host.stopped) == 1
-
-
-@FAMILIES
-def test_a_proof_that_the_card_refuses_moves_nothing(machine: MachineProfile, dialect: Dialect) -> None:
-    host = Host(machine, dialect)
-    host.tell("I300=0")
-    with pytest.raises(ControllerError):
-        prove_lease(host.client, host.sim, host.dialect, 3, 1, host.stop)
-    assert len(host.stopped) == 1
 
 
 @pytest.mark.parametrize(

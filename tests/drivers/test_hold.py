@@ -17,7 +17,7 @@ from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
 from profiles.compensation import wanted_path
 from profiles.roundness import evaluate
-from tests.drivers.families import machine as machine
+from tests.drivers.close_families import machine as machine
 
 if TYPE_CHECKING:
     from profiles.job import Job

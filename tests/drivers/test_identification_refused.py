@@ -11,7 +11,7 @@ import pytest
 from drivers.cutting.plan import Strategy
 from drivers.errors import RefusedError
 from drivers.identification.cam_path import return_hz, wave_counts
-from drivers.identification.identify import identify, refuse_before, take_up
+from drivers.identification.identify import identify, take_up
 from drivers.identification.request import IdentificationRequest, clearance_mm, request_problems
 from drivers.identification.words import axis_word
 from profiles.machine import MachineProfile
@@ -190,14 +190,6 @@ def test_nothing_moves_without_a_zero(machine: MachineProfile) -> None:
         identify(made.rig, PVT, made.origin, "D")
     assert [problem.code for problem in refused.value.problems] == ["machine.not_homed"]
     assert not any(MOVES.search(line) for line in made.lines if "LIST" not in line)
-
-
-def test_nothing_moves_without_a_lease(machine: MachineProfile) -> None:
-    made = stand(machine, leased=False)
-    with pytest.raises(RefusedError) as refused:
-        refuse_before(made.rig, PVT)
-    assert [problem.code for problem in refused.value.problems] == ["identify.no_lease"]
-    assert not made.drives_on
 
 
 def test_a_heartbeat_that_is_not_alive_keeps_the_drives_off(machine: MachineProfile) -> None:

@@ -9,15 +9,20 @@ from dataclasses import replace
 import pytest
 
 from drivers.cutting.plan import Strategy
+from drivers.errors import DriverError, LinkError
 from drivers.identification.identify import identify
 from drivers.identification.request import CLEAR_MM, IdentificationRequest
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse
 from drivers.identification.standstill import pushed_mm
+from drivers.pmac.client import REPLY_TIMEOUT_S
 from drivers.pmac.configuration.reading import read_configuration, whole_card
-from drivers.simulator.plant.true_parameters import ideal, plant_named
+from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.reserved import OWNER
+from drivers.simulator.plant.true_parameters import ideal
+from drivers.snapshot import Snapshot
 from drivers.stop import StoppedError
 from profiles.machine import MachineProfile
-from profiles.problem import ProblemError
+from profiles.problem import Problem, ProblemError
 from profiles.servo import sampled_response
 from profiles.servo_gains import gains_from_variables
 from profiles.store import load_machine
@@ -100,9 +105,10 @@ def test_a_lathe_that_is_not_its_profile_is_found_as_it_is(machine: MachineProfi
 
 
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
-def test_a_realistic_lathe_is_found_with_its_friction(machine: MachineProfile, path: Strategy) -> None:
+def test_a_lathe_with_a_little_friction_is_found_with_it(machine: MachineProfile, path: Strategy) -> None:
     """Dry friction F takes from a sine of peak speed V what a damping of 4 F / (pi V) does."""
-    true = plant_named("realistic", machine, seed=5)
+    heavier_kg = 1.05 * machine.tool.moving_mass_kg
+    true = replace(ideal(machine), moving_mass_kg=heavier_kg, coulomb_friction_n=0.1, commutation_error_deg=5.0)
     for point in found(ready(machine, true), path, 30.0, 50.0, 70.0).points:
         speed_m_s = 2e-6 * math.pi * point.frequency_hz * point.amplitude_um * point.gain
         damping = true.viscous_n_s_per_m + 4.0 * true.coulomb_friction_n / (math.pi * speed_m_s)
@@ -199,6 +205,79 @@ def test_a_stop_ends_it_with_the_drives_off_and_nothing_left(machine: MachinePro
     with pytest.raises(StoppedError):
         found(of, path, 20.0, periods=100)
     _left_safe(of)
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_what_ends_the_program_itself_leaves_nothing_either(machine: MachineProfile, path: Strategy) -> None:
+    """Ctrl-C as Python has it, in the middle of the swing: no error of ours."""
+    of = ready(machine)
+    end = of.sim.now_s() + 1.5
+    wait = of.clock.wait
+
+    def ending(seconds: float) -> None:
+        wait(seconds)
+        if of.sim.now_s() > end and of.stop.reason is None:
+            raise KeyboardInterrupt
+
+    of.clock.wait = ending  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        found(of, path, 20.0, periods=100)
+    _left_safe(of)
+
+
+def test_a_line_that_is_lost_while_it_is_put_back_leaves_the_drives_off(machine: MachineProfile) -> None:
+    of = ready(machine)
+    request, client = of.rig.client.request, of.rig.client
+
+    def once(line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
+        if line.startswith("OPEN PROG998") and of.rig.lathe.snapshot().loops_closed and measured:
+            of.sim.faults.inject("hang", for_s=3.0)
+        return request(line, timeout_s, lines=lines)
+
+    measured: list[IdentifiedPoint] = []
+    client.request = once  # type: ignore[method-assign]
+    asked = IdentificationRequest(path=Strategy.CAM, frequencies_hz=(40.0,), periods=6)
+    with pytest.raises(LinkError):
+        identify(of.rig, asked, of.origin, DATE, measured.append)
+    _left_safe(of)
+
+
+def test_where_rest_is_not_proven_all_is_put_back_but_what_would_throw_the_tool(machine: MachineProfile) -> None:
+    of = ready(machine)
+
+    def unproven() -> Snapshot:
+        raise DriverError(Problem(code="machine.not_at_rest"))
+
+    def ending(_: IdentifiedPoint) -> None:
+        raise OSError
+
+    of.rig.lathe.wait_for_rest = unproven  # type: ignore[method-assign]
+    asked = IdentificationRequest(path=Strategy.CAM, frequencies_hz=(40.0,), periods=6)
+    with pytest.raises(DriverError) as ended:
+        identify(of.rig, asked, of.origin, DATE, ending)
+    assert "machine.state_unknown" in [problem.code for problem in ended.value.problems]
+    assert not of.sim.controller.gather.defined
+    assert not of.sim.controller.programs[998].lines
+    assert of.sim.controller.tables.tables and of.sim.controller.variables.i(51) == 1.0
+
+
+def test_a_machine_that_is_anothers_is_stopped_where_it_swings_and_left_as_it_is(machine: MachineProfile) -> None:
+    of = ready(machine)
+    wait, took_s = of.clock.wait, of.sim.now_s() + 1.5
+
+    def taking(seconds: float) -> None:
+        wait(seconds)
+        if of.sim.now_s() > took_s and of.sim.controller.variables.get(VariableKind.P, OWNER) != 7.0:
+            of.sim.controller.variables.set(VariableKind.P, OWNER, 7.0)
+            of.line.heard = b""
+
+    of.clock.wait = taking  # type: ignore[method-assign]
+    with pytest.raises(DriverError) as ended:
+        found(of, Strategy.PVT, 20.0, periods=100)
+    assert ended.value.problems[0].code == "owner.ousted"
+    assert of.line.heard.count(b"\x01") >= 1
+    assert not of.sim.controller.systems[1].running
+    assert not any(line.startswith(("OPEN", "DELETE", "ENDGATHER")) for line in of.lines)
 
 
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])

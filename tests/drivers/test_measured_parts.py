@@ -11,6 +11,7 @@ from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.servo import sampled_response
+from tests.drivers.close_together import machine as machine
 from tests.drivers.conftest import connected
 
 if TYPE_CHECKING:

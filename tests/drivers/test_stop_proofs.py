@@ -54,6 +54,8 @@ def test_every_stop_is_entered_with_what_the_ramps_make_of_it(machine: MachinePr
     # 166.67 counts/ms down at I215 = 0.5: 27778 counts, which are 1000 deg, in a third of a second.
     assert spindle.distance_deg is not None and 1000.0 <= spindle.distance_deg <= 1000.0 + 600.0
     assert 1.0 / 3.0 <= spindle.time_s <= 0.5
+    (lease,) = [check for check in found.checks if check.code == "proof_lease"]
+    assert 0.28 <= float(lease.found.split()[0]) <= 0.3
     silent = entry(found, Way.LEASE, Origin.JOG, "carriage")
     # 300 ms at 10 mm/s less the margin of the PLC, and half of a ramp of 0.1 s.
     assert silent.distance_mm is not None and 2.8 <= silent.distance_mm <= 3.6

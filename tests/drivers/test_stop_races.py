@@ -11,6 +11,7 @@ from drivers.errors import DriverError
 from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
+from drivers.pmac.exchange import FLUSH
 from drivers.pmac.program_text import read_program
 from drivers.stop import StopPath, StoppedError
 from tests.drivers.families import machine as machine
@@ -29,6 +30,7 @@ class Tampered(MemoryLink):
         self.bench = bench
         self.before_send: Callable[[bytes], None] = lambda data: None
         self.deaf_for = 0
+        self.unasked = b""
         self.urgent: list[tuple[float, bytes]] = []
 
     def send(self, data: bytes) -> None:
@@ -40,7 +42,8 @@ class Tampered(MemoryLink):
         super().send_urgent(data)
 
     def receive(self, timeout_s: float) -> bytes:
-        data = super().receive(timeout_s)
+        unasked, self.unasked = self.unasked, b""
+        data = unasked + super().receive(timeout_s)
         if self.deaf_for and data:
             self.deaf_for -= 1
             return b""
@@ -76,6 +79,29 @@ def test_a_stop_that_overtakes_a_line_that_moves_is_sent_again_behind_it(
     bench.sim.wait(1.0)
     for motor, place in places.items():
         assert bench.sim.controller.motors[motor].actual == pytest.approx(place, abs=5)
+
+
+@pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.start(3, 0.0)])
+def test_nothing_that_moves_leaves_behind_a_stop_on_the_way_back_in_step(
+    bench: Bench, start: Callable[[Lathe], None]
+) -> None:
+    """Something came unasked, and while the line is emptied and proven anew somebody stops."""
+    link, lathe, stop = tampered(bench)
+    lathe.load(read_program(SPIN))
+    lathe.snapshot()
+    said: list[bytes] = []
+
+    def hear(data: bytes) -> None:
+        said.append(data)
+        if FLUSH in data and stop.reason is None:
+            stop.stop("signal")
+
+    link.unasked, link.before_send = b"?", hear
+    with pytest.raises(StoppedError):
+        start(lathe)
+    assert FLUSH in said
+    assert not any(b"HM" in data or b"R\r" in data for data in said)
+    assert [data for _, data in link.urgent] == [b"\x01"], "what was not sent needs no second stop"
 
 
 def test_a_kill_that_overtakes_a_line_that_closes_a_loop_leaves_it_open(bench: Bench) -> None:

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy, plan_cut
 from drivers.pmac.settings import settings_with
 from drivers.simulator.drives import build_drives
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.cutting_force import cutting_force_n
-from drivers.simulator.plant.true_parameters import TrueParameters, as_mounted, ideal, realistic
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile
 from profiles.servo import sampled_response
 from profiles.traces import Trace
@@ -148,7 +147,7 @@ def test_two_jaws_have_no_oval_beside_their_lobe(machine: MachineProfile, experi
 
 def test_each_clamping_has_a_force_of_its_own(machine: MachineProfile, experiment: JobMaker) -> None:
     """5 % of 27.5 um from part to part, and the same parts with the same seed."""
-    true = replace(ideal(machine), clamping_force_spread=0.05, clamping_seed=4)
+    true = replace(ideal(machine), clamping_force_spread=0.05, seed=4)
     lathes = SimulatedLathe(machine, true), SimulatedLathe(machine, true)
     lobes = []
     for lathe in lathes:
@@ -158,43 +157,6 @@ def test_each_clamping_has_a_force_of_its_own(machine: MachineProfile, experimen
     assert lobes[:200] == lobes[200:]
     assert np.mean(lobes) == pytest.approx(27.5, rel=0.015)
     assert np.std(lobes[:200]) == pytest.approx(0.05 * 27.5, rel=0.2)
-
-
-def test_a_realistic_lathe_is_off_in_everything(machine: MachineProfile) -> None:
-    true, nominal = realistic(machine, Random(3)), ideal(machine)
-    off = (
-        "moving_mass_kg",
-        "coulomb_friction_n",
-        "commutation_error_deg",
-        "scale_error_um",
-        "jaw_1_harder",
-        "clamping_force_spread",
-        "spindle_inertia_kg_m2",
-        "ideal_spindle",
-        "jaw_1_deg",
-        "home_radius_mm",
-    )
-    assert [name for name in off if getattr(true, name) == getattr(nominal, name)] == []
-    assert realistic(machine, Random(3)) == true
-    assert realistic(machine, Random(4)).clamping_seed != true.clamping_seed
-    mounted = as_mounted(machine, Random(3))
-    assert (true.jaw_1_deg, true.home_radius_mm) == (mounted.jaw_1_deg, mounted.home_radius_mm)
-
-
-def test_a_realistic_lathe_makes_a_part(
-    machine: MachineProfile, experiment: JobMaker, bench_with: TrueBenchMaker
-) -> None:
-    """Jaw 1 presses by 2 % more: the oval is 0.02 x 64 / 18 of the lobe, which has the force of its clamping."""
-    job = experiment(1)
-    bench = bench_with(replace(realistic(machine, Random(1)), home_radius_mm=machine.tool.home_radius_mm))
-    bench.homed(job)
-    bench.cut(plan_cut(job, machine, Strategy.NONE))
-    assert bench.sim.collisions == ()
-    trace = bench.sim.measure()
-    lobe_um = abs(wave(trace, 3))
-    assert 0.8 * 27.5 < lobe_um < 1.2 * 27.5
-    assert lobe_um != pytest.approx(27.5, abs=0.1)
-    assert abs(wave(trace, 2)) == pytest.approx(0.02 * 64 / 18 * lobe_um, abs=0.15)
 
 
 def test_dry_friction_costs_some_of_the_lobe(

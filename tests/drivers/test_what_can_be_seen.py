@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from random import Random, SystemRandom
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from drivers.cut import Strategy, plan_cut
-from drivers.simulator.plant.true_parameters import as_mounted, ideal
+from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.true_parameters import ideal
 from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import AxisName
 from profiles.roundness import evaluate
@@ -173,11 +173,11 @@ def test_a_lathe_set_up_by_hand_is_off_in_chuck_angle_and_tool_tip_and_its_spind
     nominal = replace(ideal(machine), ideal_spindle=False)
     angles, tips = [], []
     for seed in range(300):
-        true = as_mounted(machine, Random(seed))
+        true = plant_named("mounted", machine, seed)
         assert true.jaw_1_deg is not None
         assert None not in (true.tool_ends_mm, true.carriage_ends_mm)
         found = replace(true, jaw_1_deg=None, home_radius_mm=nominal.home_radius_mm)
-        assert replace(found, tool_ends_mm=None, carriage_ends_mm=None) == nominal
+        assert replace(found, tool_ends_mm=None, carriage_ends_mm=None, seed=0) == nominal
         angles.append(true.jaw_1_deg)
         tips.append(true.home_radius_mm - nominal.home_radius_mm)
     assert 0 <= min(angles) < 10
@@ -185,5 +185,5 @@ def test_a_lathe_set_up_by_hand_is_off_in_chuck_angle_and_tool_tip_and_its_spind
     assert -0.3001 < min(tips) < -0.27
     assert 0.27 < max(tips) < 0.3001
     assert all(value == round(value, 2) for value in angles)
-    assert as_mounted(machine, Random(7)) == as_mounted(machine, Random(7))
-    assert as_mounted(machine, SystemRandom()).jaw_1_deg is not None
+    assert plant_named("mounted", machine, 7) == plant_named("mounted", machine, 7)
+    assert plant_named("mounted", machine).jaw_1_deg is not None

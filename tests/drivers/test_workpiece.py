@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.simulator.plant.gauge import measure_released
 from drivers.simulator.plant.workpiece import Blank, Workpiece
 from profiles.roundness import evaluate
 
@@ -30,8 +29,7 @@ def pass_over(
 
 
 def deviation(workpiece: Workpiece, section: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    trace = measure_released(workpiece, section, FINISHED)
-    return np.asarray(trace.angle_deg), np.asarray(trace.deviation_um)
+    return workpiece.released_um(section, FINISHED)
 
 
 def turning(seconds: float, rpm: float, start_turns: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -38,6 +38,7 @@ GONE = "lost, ^K: link.lost"
 GONE_LINE = f"lost, ^K: link.lost {UNKNOWN} controller.buffer_may_be_open"
 GONE_STOPPING = "lost, ^A (^K): link.lost"
 NOT_AS_IT_WAS = "ready, lines: controller.setting"
+UNGUARDED = "stopped, ^A: heartbeat.plc_silent"
 OUSTED, OUSTED_MOVING = "ready, nothing: owner.ousted", "stopped, ^A: owner.ousted"
 
 ONCE = (SAME, SAME, SAME, SAME, SILENT_LINE, SAME, SAME, ABORTED_IN_DOUBT)
@@ -117,11 +118,8 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
         *("ready, lines: cut.out_of_phase", SAME),
     ),
     "stranger-writes, a limit": SET_OTHERWISE,
-    # The axis that is being homed comes to its end; the next one is not begun.
-    "stranger-writes, no PLCs": (
-        *(SAME, SAME, SAME, "ready, renewals: heartbeat.plcs_forbidden"),
-        *(NOT_AS_IT_WAS, SAME, SAME, SAME),
-    ),
+    # What moves is no longer guarded: it is stopped; a cut ends at the end of its turn before. The jog is over.
+    "stranger-writes, no PLCs": (SAME, SAME, SAME, UNGUARDED, NOT_AS_IT_WAS, SAME, UNGUARDED, SAME),
     # As a lost reply: the settings of the line are made again.
     "stranger-writes, the handshake": ONCE,
     "stranger-writes, an open buffer": UNHARMED,

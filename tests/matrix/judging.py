@@ -13,6 +13,9 @@ from tests.matrix.expected import SAME, TABLE, UNKNOWN, right
 from tests.matrix.faults import NO_FAULT, Row
 from tests.matrix.situations import Situation
 
+HOLD = "M26=1"
+"""Asks a cut to end at the end of its turn: it moves nothing, and may be sent twice."""
+
 STRONGEST_FIRST = (Kind.LINE, Kind.RENEWAL)
 _FOUND: dict[Situation, Seen] = {}
 
@@ -77,7 +80,8 @@ def _said(seen: Seen) -> str:
 
 def _sent_again(seen: Seen, usual: Seen) -> Iterator[str]:
     """What moves or writes goes out as without the fault, up to where it ends; so no line is sent again."""
-    pairs = zip_longest(seen.lines, usual.lines[: len(seen.lines)], fillvalue="nothing")
+    lines, others = ([line for line in each.lines if line != HOLD] for each in (seen, usual))
+    pairs = zip_longest(lines, others[: len(lines)], fillvalue="nothing")
     odd = next(((line, other) for line, other in pairs if line != other), None)
     if odd is not None:
         yield f"{odd[0]} was sent, where without the fault it is {odd[1]}"

@@ -21,7 +21,8 @@ from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.store import LoadedMachine, load_job, load_machine
+from profiles.store import load_job
+from tests.compact import compact_machine as compact_machine
 from tests.matrix.truth import WatchedLathe, Wiretap
 
 
@@ -46,15 +47,6 @@ class Rig:
         self.sim.wait(seconds)
         self.station.step()
         return self.state
-
-
-@cache
-def compact_machine() -> LoadedMachine:
-    """The bundled lathe with everything close together, so that ways are short: 2 mm of tool, 9 mm of carriage."""
-    loaded = load_machine("lee-2001-lathe")
-    machine = loaded.machine
-    tool, carriage = replace(machine.tool, home_radius_mm=29.0), replace(machine.carriage, jaw_face_mm=40.0)
-    return replace(loaded, machine=replace(machine, tool=tool, carriage=carriage))
 
 
 @cache

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from profiles.compensation import (
-    Sinusoid,
+    LobedPath,
     chord_error,
     chord_scale,
     compensated_depth_um,
@@ -92,7 +92,7 @@ def test_the_command_of_experiment_1(
 
 @given(st.floats(0.05, 20), st.floats(-math.pi, math.pi), st.integers(2, 12), st.floats(-360, 360))
 def test_an_axis_undoes_its_inverse(gain: float, phase: float, lobes: int, crest: float) -> None:
-    wanted = Sinusoid(mean_um=100, amplitude_um=20, lobes=lobes, crest_deg=crest)
+    wanted = LobedPath(mean_um=100, amplitude_um=20, lobes=lobes, crest_deg=crest)
     command = invert(wanted, cmath.rect(gain * 1.0001, phase))
     # The axis makes the sine larger by its gain and later by its lag.
     moved = replace(

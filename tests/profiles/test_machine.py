@@ -52,7 +52,7 @@ def test_settings_follow_from_the_machine() -> None:
     assert variables["I217"] == pytest.approx(torque_rad_per_s2 * counts_per_rad / 1e6, abs=0.01)
     assert variables["I216"] == spindle.max_speed_rpm / 60 * spindle.counts_per_rev / 1000
     assert variables["I169"] <= 36.8 / 11.45 / 10 * 32768
-    assert variables["I111"] / 16 * tool.count_um == 100
+    assert variables["I111"] / 16 * tool.count_um == 150
 
 
 def test_settings_are_read_only() -> None:

@@ -18,6 +18,14 @@ from profiles.problem import ProfileError
 from profiles.store import BUNDLED_JOBS, list_jobs, list_machines, load_job, load_machine, save_job
 
 ONE = load_job("lee-2001-experiment-1").job
+BUNDLED = (
+    "lee-2001-experiment-1",
+    "lee-2001-experiment-2",
+    "steel-bar-65",
+    "thin-ring-3-jaws",
+    "thin-ring-6-jaws",
+    "two-jaw-tube",
+)
 
 
 def code_of(action: Callable[[], object]) -> str:
@@ -41,7 +49,7 @@ def test_table_6_of_the_paper() -> None:
 
 
 def test_bundled_names() -> None:
-    assert [entry.name for entry in list_jobs()] == ["lee-2001-experiment-1", "lee-2001-experiment-2"]
+    assert [entry.name for entry in list_jobs()] == list(BUNDLED)
     machines = [("lee-2001-lathe", True), ("turbo-ethernet-lathe", True)]
     assert [(entry.name, entry.bundled) for entry in list_machines()] == machines
 
@@ -54,11 +62,13 @@ def test_the_hash_is_that_of_the_bytes() -> None:
 def test_the_users_folder_comes_first(tmp_path: Path) -> None:
     save_job(replace(ONE, name="mine"), tmp_path / "lee-2001-experiment-1.toml")
     assert load_job("lee-2001-experiment-1", tmp_path).job.name == "mine"
-    assert [entry.bundled for entry in list_jobs(tmp_path)] == [False, True]
+    own = [entry.name for entry in list_jobs(tmp_path) if not entry.bundled]
+    assert own == ["lee-2001-experiment-1"]
+    assert len(list_jobs(tmp_path)) == len(BUNDLED)
 
 
 def test_a_missing_folder_of_the_user_is_no_error(tmp_path: Path) -> None:
-    assert len(list_jobs(tmp_path / "none")) == 2
+    assert len(list_jobs(tmp_path / "none")) == len(BUNDLED)
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
@@ -66,7 +76,7 @@ def test_an_unknown_name_lists_the_known_ones() -> None:
         load_job("no\nsuch")
     problem = caught.value.problems[0]
     assert (problem.code, problem.value) == ("job.unknown", '"no\\nsuch"')
-    assert problem.limit == "lee-2001-experiment-1 | lee-2001-experiment-2"
+    assert problem.limit == " | ".join(BUNDLED)
     assert code_of(lambda: load_machine("")) == "machine.unknown"
 
 
@@ -131,7 +141,7 @@ def test_bundled_places_are_never_written(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(BUNDLED_JOBS)
     for path in (BUNDLED_JOBS / "new.toml", tmp_path / "link" / "new.toml"):
         assert code_of(partial(save_job, ONE, path, overwrite=True)) == "file.bundled"
-    assert len(list_jobs()) == 2
+    assert len(list_jobs()) == len(BUNDLED)
 
 
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:

@@ -46,10 +46,14 @@ def test_a_closing_point_that_differs_stands_against_the_one_at_0() -> None:
 @pytest.mark.parametrize(
     ("lines", "code", "line"),
     [
-        ([line.replace(",", ";") for line in (HEADER, *POINTS)], "trace.separator", 1),
-        (["angle_deg;deviation_um", *(p.replace(".", ",") for p in POINTS)], "trace.separator", 1),
         ([HEADER, "0;0,5", "22,5;1,5"], "trace.separator", 2),
-        (["angle_deg\tdeviation_um", "0\t1"], "trace.separator", 1),
+        (["angle_deg;deviation_um", *(p.replace(".", ",") for p in POINTS)], "trace.separator", 2),
+        (["angle_deg;deviation_um", "0;0", "22,5;1,5", "45.5;1"], "trace.mixed_decimals", 4),
+        (["angle_deg;deviation_um", "1.234,5;0"], "trace.mixed_decimals", 2),
+        (["angle_deg,deviation", *POINTS], "trace.units", 1),
+        (["# units: mm", HEADER, *POINTS], "trace.units", 2),
+        (["deviation_um", *(str(i) for i in range(16))], "trace.angles", 1),
+        (["# angles: equal", HEADER, *POINTS], "trace.angles", 2),
         ([HEADER, *(p.replace(".", ",") for p in POINTS[1:])], "trace.decimal_comma", 2),
         ([HEADER, *(f'"{i},5","{i},25"' for i in range(40))], "trace.decimal_comma", 2),
         ([HEADER, *(f"{i - 180},1" for i in range(360))], "trace.negative_angle", 2),

@@ -16,6 +16,7 @@ from drivers.pmac.dialect import DIALECTS
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
+from tests.signed_profile import signed
 from tests.system.lathe_sites import compact_text
 
 
@@ -56,10 +57,10 @@ class Order:
 
 
 def order(folder: Path, cut_length_mm: float) -> Order:
-    """Experiment 1 of the paper, with another length of cut."""
+    """Experiment 1 of the paper, with another length of cut, on a lathe that somebody has signed for."""
     text = (profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_text(encoding="utf-8")
     assert text.count("cut_length_mm = 8.0") == 1
     made = Order(job_file=folder / "job.toml", machine_file=folder / "lathe.toml", data=folder / "data")
     made.job_file.write_text(text.replace("cut_length_mm = 8.0", f"cut_length_mm = {cut_length_mm}"), "utf-8")
-    made.machine_file.write_text(compact_text("pmac"), encoding="utf-8")
+    made.machine_file.write_text(signed(compact_text("pmac")), encoding="utf-8")
     return made

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from profiles.store import list_machines
+from tests.signed_profile import signed_copy
 
 if TYPE_CHECKING:
     from tests.system.conftest import Serve, Served
@@ -44,6 +45,7 @@ def test_a_fresh_simulator_of_a_bundled_machine_is_green(machine: str) -> None:
 @every_machine
 def test_every_link_leads_to_the_same_verdict(serve: Serve, tmp_path: Path, machine: str) -> None:
     listeners = ("--tcp", "127.0.0.1:0", "--ethernet", "127.0.0.1:0", "--pty")
+    machine = str(signed_copy(machine, tmp_path))
     with serve(*listeners, "--machine", machine) as served:
         found = []
         for address in addresses(served):
@@ -61,6 +63,13 @@ def test_every_link_leads_to_the_same_verdict(serve: Serve, tmp_path: Path, mach
         assert (
             run("controller", "diff", backup, "--machine", machine, "--link", addresses(served)[1]).returncode == 0
         )
+
+
+def test_a_profile_that_is_signed_for_the_simulator_is_red_on_a_real_link(serve: Serve) -> None:
+    with serve("--pty") as served:
+        done = run("doctor", "--link", f"serial:{served.device}", "--json")
+    failed = [check["code"] for check in json.loads(done.stdout)["checks"] if check["outcome"] == "fails"]
+    assert (done.returncode, failed) == (1, ["signed_for_simulator"])
 
 
 def test_nobody_there_is_one_line() -> None:

@@ -18,6 +18,7 @@ from console.tui.frame import Frame, next_row, state_row
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import line, plain, width_of
+from console.tui.pages.align_lines import why_lines
 from drivers.ownership import Standing
 from profiles.problem import Problem
 from profiles.store import load_machine
@@ -108,6 +109,17 @@ def test_t_once_or_again_too_late_takes_nothing(tmp_path: Path) -> None:
     control, said = pressed(tmp_path, run_stage.state(**LOOKING_ON), PageName.RUN, *presses)
     assert control.orders == []
     assert said == ["screen.take_over_again"] * 3
+
+
+def test_a_machine_that_nobody_controls_is_called_so(tmp_path: Path) -> None:
+    free: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": 0}
+    control, said = pressed(tmp_path, run_stage.state(**free), PageName.RUN, (0.0, "t"), (2.0, "t"))
+    assert (control.orders, said) == ([TakeOver()], ["screen.take_control_again", ""])
+    text, shown = load("en"), align_stage.state(**free)
+    lines = plain(why_lines(text, shown, None, load_machine(MACHINE).machine, 60, 4))
+    assert "Nobody controls" in lines and "t twice" in lines
+    held = align_stage.state(**LOOKING_ON)
+    assert "Another console" in plain(why_lines(text, held, None, load_machine(MACHINE).machine, 60, 4))
 
 
 def test_who_controls_already_is_told_so(tmp_path: Path) -> None:

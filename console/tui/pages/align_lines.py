@@ -193,7 +193,8 @@ def why_lines(
     word, valid = waiting(state), is_valid(state.alignment, job)
     if word in ("lost", "stopping", "connecting", "observing") or (word == "moving" and not valid):
         # No advice for hands while something moves, or may.
-        return clipped(wrapped(text(f"align_page.next.{word}"), width, Token.STRONG), height)
+        free = "_free" if word == "observing" and not state.holder else ""
+        return clipped(wrapped(text(f"align_page.next.{word}{free}"), width, Token.STRONG), height)
     if job is None:
         return clipped(wrapped(text("align_page.no_job"), width), height)
     if valid:

@@ -172,7 +172,8 @@ def _measured(part: MeasuredPart, jaw_1_deg: float) -> Side:
 
 
 def _stated(part: MeasuredPart) -> Side:
-    lobe = free_state_lobe(replace(part.job, lobe_phase_deg=part.jaw_1_deg))
+    past_deg = part.job.lobe_past_jaw_deg or 0.0
+    lobe = free_state_lobe(replace(part.job, lobe_phase_deg=part.jaw_1_deg + past_deg))
     return Side(
         angle_deg=_TURN_DEG,
         profile_um=lobe.at_um(_TURN_DEG),

@@ -222,7 +222,7 @@ class PreviewPage(Page):
         if self._drawn is not None and self._drawn[0] is seen and self._drawn[1] is strategy:
             return
         self._drawn = (seen, strategy)
-        marks = [Mark(angle_deg=seen.job.lobe_phase_deg, label=_JAW_1)]
+        marks = [Mark(angle_deg=seen.job.jaw_1_deg, label=_JAW_1)]
         self._polar.show(roundness_traces(seen, strategy), marks=marks)
         series = path_series(seen, strategy)
         low, high = (float(edge(np.concatenate([each.y for each in series]))) for edge in (np.min, np.max))

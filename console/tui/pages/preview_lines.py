@@ -79,9 +79,9 @@ def problem_lines(problems: Sequence[Problem], text: Catalogue, width: int) -> l
 
 def jaw_words(job: Job, alignment: Alignment, text: Catalogue) -> str:
     """Return where jaw 1 is, and whether that was found or is the assumption of the job's file."""
-    at = text("preview_page.jaw", angle=f"{job.lobe_phase_deg:.1f}")
+    at = text("preview_page.jaw", angle=f"{job.jaw_1_deg:.1f}")
     jaw = alignment.jaw
-    if jaw is None or jaw.angle_deg != job.lobe_phase_deg:
+    if jaw is None or jaw.angle_deg != job.jaw_1_deg:
         return f"{at} {text('preview_page.jaw_assumed')}"
     return f"{at} {text('preview_page.jaw_found', at=jaw.at)}"
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from console.session.alignment import Alignment, aligned_job, aligned_machine, problems
-from console.session.interlocks import of_job
+from console.session.interlocks import of_job, of_lobe
 from console.session.jogging import tool_radius_mm
 from console.session.progress import CutProgress, CutStage
 from console.session.state import Armed, StationState
@@ -57,13 +57,15 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
 
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Check]:
     """The conditions of the job: of the one that is armed, else of the one in hand."""
-    in_hand = None if work is None else work.job
-    job = in_hand if state.armed is None else state.armed.job
-    if job is None:
+    if state.armed is not None:
+        job, strategy = state.armed.job, state.armed.strategy
+    elif work is not None:
+        job, strategy = work.job, Strategy(work.strategy)
+    else:
         yield Check(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
         return
     fits = of_job(job, aligned_machine(machine, state.alignment))
-    yield Check(name="job", problems=fits.problems)
+    yield Check(name="job", problems=(*fits.problems, *of_lobe(job, machine, strategy).problems))
     yield Check(name="aligned", problems=problems(state.alignment, job))
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum, auto
 
 from drivers.pmac.client import PmacClient
 from drivers.pmac.configuration.amounts import amount
@@ -28,21 +27,6 @@ OWN_PROGRAMS = frozenset((1, 2, 3, 4))
 SHOWN = 12
 """Figures of a hash that are told."""
 
-COMPENSATION = 51
-
-
-class Part(StrEnum):
-    """What is hashed on its own."""
-
-    CARD = auto()
-    SETTINGS = auto()
-    AXES = auto()
-    COMPENSATION = auto()
-    PLCS = auto()
-    PROGRAMS = auto()
-    TABLES = auto()
-    CONVERSION = auto()
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fingerprint:
@@ -53,35 +37,24 @@ class Fingerprint:
     free: str
 
     @property
-    def facts(self) -> Mapping[Part, Mapping[str, str]]:
-        """Everything but the settings by its name, such as `PLC 3` or `#1->`, as texts that can be told."""
+    def facts(self) -> tuple[Mapping[str, str], ...]:
+        """Everything but the settings, a part after the other, by names such as `PLC 3` or `#1->`, as texts."""
         read = self.configuration
         first = read.dialect.conversion_table.first_address
-        return {
-            Part.CARD: {"TYPE": read.kind, "VERSION": read.version},
-            Part.AXES: {
+        return (
+            {"TYPE": read.kind, "VERSION": read.version},
+            {
                 **{f"#{motor}->": f"&{axis.system} {axis.text}" for motor, axis in read.axes.items()},
                 **{f"M{index}->": text for index, text in read.pointers.items()},
             },
-            Part.PLCS: {**_texts("PLC", read.plcs), **dict.fromkeys(read.locked, "PASSWORD")},
-            Part.PROGRAMS: _texts("PROG", read.programs),
-            Part.TABLES: {
+            {**_texts("PLC", read.plcs), **dict.fromkeys(read.locked, "PASSWORD")},
+            _texts("PROG", read.programs),
+            {
                 f"#{motor} COMP": f"{table.definition}, {table.entry_count}, sha256 {table.sha256[:SHOWN]}"
                 for motor, table in read.tables.items()
             },
-            Part.CONVERSION: {f"Y:${first + line:X}": f"${word:X}" for line, word in enumerate(read.conversion)},
-        }
-
-    @property
-    def hashes(self) -> Mapping[Part, str]:
-        """The hash (sha256) of each part, for the record of a cut."""
-        standing = self.configuration.standing
-        lines = {part: [f"{name} {text}" for name, text in found.items()] for part, found in self.facts.items()}
-        lines[Part.COMPENSATION] = [repr(standing.get(COMPENSATION))]
-        lines[Part.SETTINGS] = [
-            f"I{index}={value!r}" for index, value in standing.items() if index != COMPENSATION
-        ]
-        return {part: digest(sorted(lines[part])) for part in Part}
+            {f"Y:${first + line:X}": f"${word:X}" for line, word in enumerate(read.conversion)},
+        )
 
 
 def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
@@ -150,7 +123,7 @@ def _same(first: float | None, second: float | None) -> bool:
 
 
 def _facts(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> Iterator[Problem]:
-    for (_, old), (_, new) in zip(before.facts.items(), after.facts.items(), strict=True):
+    for old, new in zip(before.facts, after.facts, strict=True):
         for name in sorted((old.keys() | new.keys()) - ours, key=_by_number):
             was, found = old.get(name, ""), new.get(name, "")
             if was != found:

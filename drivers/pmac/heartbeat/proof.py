@@ -5,17 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers.clock import Clock
-from drivers.errors import DriverError
-from drivers.pmac.client import PmacClient
-from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
-from drivers.pmac.heartbeat.lease import LEASE_MS, PERIOD_MS, SERVO_PERIOD
+from drivers.pmac.heartbeat.lease import LEASE_MS, PERIOD_MS
 from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, Watch, rest_s, rests
 from profiles.problem import Problem
-
-KEPT_S = 0.2
-"""Before the silence: so long a jog has to reach its speed."""
 
 GIVE_UP_S = 0.6
 """What is not ended after twice the promise is stopped in another way."""
@@ -40,49 +33,23 @@ class LeaseProof:
     looks: tuple[Look, ...] = ()
 
 
-def prove_lease(
-    client: PmacClient, clock: Clock, dialect: Dialect, motor: int, direction: int, stop: Stop
-) -> LeaseProof:
-    """Jog a motor in air in the direction of +1 or -1, withhold the lease, and look on.
-
-    This moves the machine: for 0.55 s at Ix22, and the ramp. The motor is at rest in closed loop, homed, with that
-    way before it; the heartbeat has been found in order. `stop` is the stop of the machine: it is called when the
-    jog does not end, or nobody can see whether it does.
-
-    Raises:
-        DriverError: the link broke, or the controller refused the jog; the machine was stopped.
-    """
-    watch = Watch(client, clock, dialect, (motor,))
-    try:
-        (i10,) = client.numbers(f"I{SERVO_PERIOD}")
-        keeper = Keeper(dialect=dialect, i10=i10)
-        client.request(LOSS_SEEN)
-        sign = "+" if direction > 0 else "-"
-        client.request(f"{keeper.jog_line()} #{motor}J{sign}")
-        _, before = kept(watch, keeper, KEPT_S, lambda: None)
-        return withhold(watch, before, stop)
-    except DriverError as error:
-        stop(str(error))
-        raise
-
-
 def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None]) -> tuple[Look, Look]:
     """Renew the lease of what has been begun for so long; return a look in front of the last one, and one behind.
 
     `check` ends it.
 
     Raises:
-        DriverError: that of `check`; the link broke.
+        DriverError: that of `check`; that of the watch; the link broke.
     """
     end_s = watch.clock.now_s() + kept_s
     while watch.clock.now_s() < end_s:
         watch.clock.wait(PERIOD_MS / 1000.0)
         check()
-        watch.client.request(keeper.line)
+        watch.renew(keeper)
     earlier = watch.look()
     watch.clock.wait(PERIOD_MS / 1000.0)
     check()
-    watch.client.request(keeper.line)
+    watch.renew(keeper)
     return earlier, watch.look()
 
 
@@ -90,7 +57,7 @@ def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_
     """Look on without a lease until everything has come to rest; `before` was made just behind the last one.
 
     Raises:
-        DriverError: the link broke.
+        DriverError: that of the watch; the link broke.
     """
     last_s, looks = before.asked_s, [before]
     while not (looks[-1].lost and not looks[-1].ending and rests(looks)):

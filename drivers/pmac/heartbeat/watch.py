@@ -1,8 +1,8 @@
-"""Looking at motors that are coming to rest: where they are, and whether the card has ended what it guards."""
+"""Looking at motors that are coming to rest: where they are, what the card has ended, whose the machine is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.clock import Clock
@@ -10,6 +10,7 @@ from drivers.errors import LinkError
 from drivers.pmac import reserved
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat.keeper import Keeper
 from drivers.pmac.heartbeat.lease import SYSTEM
 from drivers.pmac.heartbeat.registers import ENDING
 from drivers.pmac.status import decode
@@ -45,22 +46,41 @@ class Look:
 
 
 class Watch:
-    """Some motors, their program and the word of the PLC, asked for in one request."""
+    """Some motors, their program, the word of the PLC and the owner, asked for in one request."""
 
-    def __init__(self, client: PmacClient, clock: Clock, dialect: Dialect, motors: tuple[int, ...]) -> None:
+    def __init__(
+        self,
+        client: PmacClient,
+        clock: Clock,
+        dialect: Dialect,
+        motors: tuple[int, ...],
+        owner_seen: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        """`owner_seen` is told with each request whose the machine is; what it raises ends the watch."""
         self.client, self.clock, self.motors = client, clock, motors
-        self._dialect = dialect
+        self._dialect, self._owner_seen = dialect, owner_seen
+
+    def renew(self, keeper: Keeper) -> None:
+        """Renew the lease of what moves.
+
+        Raises:
+            DriverError: that of `owner_seen`; the link broke, or answers something that was not asked for.
+        """
+        (owner,) = self.client.request(f"{keeper.line} P{reserved.OWNER}", lines=1)
+        self._owner_seen(self.client.number(owner))
 
     def look(self) -> Look:
         """Look once.
 
         Raises:
+            DriverError: that of `owner_seen`.
             LinkError: the link broke, or answers something that was not asked for.
         """
         asked_s = self.clock.now_s()
         of_motors = [item for motor in self.motors for item in (f"#{motor}P", "?")]
-        words = (f"P{reserved.LOST}", f"P{ENDING}")
-        lost, ending, *found, system = self.client.query(*words, *of_motors, f"&{SYSTEM}??", again=True)
+        words = (f"P{reserved.OWNER}", f"P{reserved.LOST}", f"P{ENDING}")
+        owner, lost, ending, *found, system = self.client.query(*words, *of_motors, f"&{SYSTEM}??", again=True)
+        self._owner_seen(self.client.number(owner))
         try:
             return Look(
                 asked_s=asked_s,

@@ -14,6 +14,7 @@ from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.cam_table import Cam
+from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
 from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S
 from drivers.pmac.programs.setup import HOLD_FLAG, SERVO, CutSetup, refuse_endless
 from profiles.job import Job
@@ -49,44 +50,62 @@ def register_definition(machine: MachineProfile, dialect: Dialect) -> str:
     return f"{correction_register(machine)}->{register.space}:${address:X}"
 
 
-def cam_program(job: Job, machine: MachineProfile, setup: CutSetup, cam: Cam, dialect: Dialect) -> str:
+def cam_program(
+    job: Job, machine: MachineProfile, setup: CutSetup, cam: Cam, dialect: Dialect, *, trimmed: bool = False
+) -> str:
     """Return the text of the program, with the lines that set the table up in front of it.
 
-    It starts with the tool retracted and the carriage clear of the part, and ends in the row of zeros.
+    It starts with the tool retracted and the carriage clear of the part, and ends in the row of zeros. One that is
+    `trimmed` adds the wave of `cam_trim`; the card must turn the spindle then.
 
     Raises:
         ProblemError: `program.too_long`.
     """
     turn_ms = 60_000.0 / job.spindle_speed_rpm
-    segment_ms = max(1, min(SEGMENT_MS, math.floor(turn_ms)))
+    longest_ms = trim_segment_ms(job) if trimmed else SEGMENT_MS
+    segment_ms = max(1, min(longest_ms, math.floor(turn_ms)))
     refuse_endless(setup.whole_turns * turn_ms / segment_ms)
-    turns = segment_ms / turn_ms
-    spindle = setup.counts_per_turn / turn_ms  # counts/ms
     way_mm = (cam.mean - setup.retracted) * setup.tool_count_um / 1000.0
     approach_ms = math.ceil(1.5 * way_mm / OUT_SPEED_MM_S * 1000.0)
-    number = format_number
+    out_segments = math.ceil(approach_ms / segment_ms)
+    before = setup.counts_per_turn / turn_ms * (HALF_RUN_UP_MS + approach_ms)
     values = {
         **_table_values(machine, setup, cam, dialect),
+        **_cut_values(job, setup, segment_ms),
+        "before": format_number(before),
+        "half": HALF_RUN_UP_MS,
+        "approach": approach_ms,
+        "out_segments": out_segments,
+        "out_ms": out_segments * segment_ms,
+        "program": PROGRAM_NUMBER,
+    }
+    if trimmed:
+        values |= trim_values(job, setup, segment_ms, setup.spindle_start + before)
+        return _TRIMMED.format(**values)
+    return (_TURNED if machine.spindle.drive == SERVO else _FOLLOWED).format(**values)
+
+
+def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]:
+    """Return what the lines about turning and feeding are filled with."""
+    number = format_number
+    turn_ms = 60_000.0 / job.spindle_speed_rpm
+    turns = segment_ms / turn_ms
+    return {
         "job": job.name,
         "rpm": number(job.spindle_speed_rpm),
         "spindle_step": number(setup.counts_per_turn * turns),
-        "spindle_speed": number(1000.0 * spindle),
+        "spindle_speed": number(1000.0 * setup.counts_per_turn / turn_ms),
         "spindle_start": number(setup.spindle_start),
-        "before": number(spindle * (HALF_RUN_UP_MS + approach_ms)),
         "feed_step": number(setup.carriage_per_turn * turns),
         "feed_speed": number(1000.0 * setup.carriage_per_turn / turn_ms),
         "out": number(setup.retracted),
         "z": number(setup.carriage_start),
         "turns": setup.whole_turns,
         "turn": number(turn_ms / segment_ms),
-        "half": HALF_RUN_UP_MS,
-        "approach": approach_ms,
         "segment": segment_ms,
         "flag": HOLD_FLAG,
         "go_on": setup.go_on,
-        "program": PROGRAM_NUMBER,
     }
-    return (_TURNED if machine.spindle.drive == SERVO else _FOLLOWED).format(**values)
 
 
 def _table_values(machine: MachineProfile, setup: CutSetup, cam: Cam, dialect: Dialect) -> dict[str, object]:
@@ -179,32 +198,43 @@ ENDIF
 CLOSE
 """
 
-_TURNED = (
-    _SET_UP.replace("{spindle_words}", "y spindle, ").replace(
-        "{spindle_values}",
-        """\
+_SET_UP_TURNED = _SET_UP.replace("{spindle_words}", "y spindle, ").replace(
+    "{spindle_values}",
+    """\
 P16={spindle_step} ; spindle counts in one segment
 P17={spindle_speed} ; spindle speed, counts/s
 P22={spindle_start} ; spindle at the start
 P28=P22+{before} ; spindle at the first segment
 """,
-    )
-    + """\
+)
+
+_RUN_UP = """\
 PVT{half} ; the spindle runs up
 X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
 X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
 PVT{approach} ; the tool goes to its mean depth, clear of the part
 X(P11):0 Y(P28):(P17) Z(P21):0
 """
-    + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)")
-    + """\
+
+_OUT = """\
 P30=P28+P16*P25+P17*{approach}/1000
 P29=P29+P33*{approach}/3000
 X(P20):0 Y(P30):(P17) Z(P29):0
+"""
+
+_RUN_DOWN = """\
 PVT{half} ; the spindle runs down
 X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
 X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
 """
+
+_TURNED = _SET_UP_TURNED + _RUN_UP + _CUT.replace("{y}", " Y(P28+P16*P25):(P17)") + _OUT + _RUN_DOWN + _END
+
+_TRIMMED = (
+    _SET_UP_TURNED.replace("CLOSE\nOPEN PROG", TRIM_VALUES + "CLOSE\nOPEN PROG")
+    + _RUN_UP
+    + TRIMMED_CUT
+    + _RUN_DOWN
     + _END
 )
 

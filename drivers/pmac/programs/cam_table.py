@@ -12,10 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
 from drivers.pmac.programs.setup import CutSetup
-from profiles.compensation import Sinusoid, chord_error, chord_scale
+from profiles.compensation import LobedPath, chord_error, chord_scale
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
@@ -58,13 +59,13 @@ class Cam:
         return sum(len(str(entry)) + 1 for entry in self.table.entries)
 
 
-def make_cam(machine: MachineProfile, setup: CutSetup, command: Sinusoid) -> Cam:
+def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Cam:
     """Return the table that makes the tool follow `command` (um from the surface, infeed) by the spindle's angle.
 
     Raises:
         ProblemError: `program.no_zero_row`, there is no room in front of the part.
     """
-    columns = column_count(command)
+    columns, per_mm = column_count(command), machine.carriage.counts_per_mm
     spacing, front, full, rows = _rows(machine, setup)
     definition = TableDefinition(
         motor=machine.tool.motor,
@@ -76,27 +77,43 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: Sinusoid) -> Cam
         columns=columns,
         rows=rows,
     )
-    amplitude = command.amplitude_um / setup.tool_count_um * chord_scale(columns / command.lobes)
-    angle = 2.0 * math.pi * np.arange(columns + 1) / columns
-    wave = amplitude * np.cos(command.lobes * (angle - math.radians(command.crest_deg)))
+    wave = _corners_um(command, columns) / setup.tool_count_um
+    held = float(wave[0])
     gain = np.zeros(rows + 1)
-    gain[front : full + 1] = 1.0
-    entries = np.rint(PARTS_PER_COUNT * np.outer(gain, wave - wave[0])).astype(int).ravel()
+    places = spacing * np.arange(front, full + 1)
+    gain[front : full + 1] = 1.0 + command.growth_per_mm * (places - setup.carriage_middle) / per_mm
+    # The program carries a constant; a row whose waves are not of the size of that has the rest of it.
+    whole = (gain > 0.0).astype(float)
+    entries = np.rint(PARTS_PER_COUNT * (np.outer(gain, wave) - held * whole[:, None])).astype(int).ravel()
     return Cam(
         table=definition.filled([int(entry) for entry in entries[1:]]),
-        mean=setup.surface + command.mean_um / setup.tool_count_um + float(wave[0]),
-        zero_z=(front - 1) * spacing - INSIDE_MM * machine.carriage.counts_per_mm,
+        mean=setup.surface + command.mean_um / setup.tool_count_um + held,
+        zero_z=(front - 1) * spacing - INSIDE_MM * per_mm,
         full_z=front * spacing,
-        chord_error_um=command.amplitude_um * chord_error(columns / command.lobes),
+        chord_error_um=_chord_error_um(command, columns),
     )
 
 
-def column_count(command: Sinusoid) -> int:
+def column_count(command: LobedPath) -> int:
     """Return the fewest columns, the same number for each lobe, that keep the chords within their limit."""
-    points = 4
-    while command.amplitude_um * chord_error(points) > CHORD_LIMIT_UM:
-        points += 1
-    return points * command.lobes
+    columns = 4 * max(wave.lobes for wave in command.waves)
+    columns += -columns % command.lobes
+    while _chord_error_um(command, columns) > CHORD_LIMIT_UM:
+        columns += command.lobes
+    return columns
+
+
+def _chord_error_um(command: LobedPath, columns: int) -> float:
+    return sum(wave.amplitude_um * chord_error(columns / wave.lobes) for wave in command.waves)
+
+
+def _corners_um(command: LobedPath, columns: int) -> NDArray[np.float64]:
+    """Return the waves at the columns of a turn, both its ends included, raised so that chords keep their size."""
+    angle_deg = 360.0 * np.arange(columns + 1) / columns
+    corners = np.zeros(columns + 1)
+    for wave in command.waves:
+        corners += chord_scale(columns / wave.lobes) * wave.at_um(angle_deg)
+    return corners
 
 
 def _rows(machine: MachineProfile, setup: CutSetup) -> tuple[int, int, int, int]:

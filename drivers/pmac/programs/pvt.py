@@ -19,7 +19,7 @@ import numpy as np
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.lobe_path import LOBE_PATH, SPINDLE_STEP
 from drivers.pmac.programs.setup import HOLD_FLAG, CutSetup, refuse_endless
-from profiles.compensation import Sinusoid
+from profiles.compensation import LobedPath
 from profiles.job import Job
 
 PROGRAM_NUMBER = 2
@@ -83,12 +83,12 @@ def _step_rad(frequency_hz: float, segment_ms: float) -> float:
     return 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
 
 
-def fits_whole_milliseconds(command: Sinusoid, frequency_hz: float) -> bool:
+def fits_whole_milliseconds(command: LobedPath, frequency_hz: float) -> bool:
     """Whether segments of 1 ms, the shortest there are, stay below the limit of interpolation."""
     return interpolation_error_um(command.amplitude_um, frequency_hz, 1.0) < INTERPOLATION_LIMIT_UM
 
 
-def longest_segment_ms(command: Sinusoid, frequency_hz: float) -> int:
+def longest_segment_ms(command: LobedPath, frequency_hz: float) -> int:
     """Return the longest segment that stays well below the limit of interpolation, at least 1 ms."""
     for segment_ms in range(LONGEST_SEGMENT_MS, 1, -1):
         if interpolation_error_um(command.amplitude_um, frequency_hz, segment_ms) < 0.5 * INTERPOLATION_LIMIT_UM:
@@ -96,7 +96,7 @@ def longest_segment_ms(command: Sinusoid, frequency_hz: float) -> int:
     return 1
 
 
-def pvt_timing(job: Job, setup: CutSetup, command: Sinusoid) -> PvtTiming:
+def pvt_timing(job: Job, setup: CutSetup, command: LobedPath) -> PvtTiming:
     """Return the times for a job.
 
     Raises:
@@ -118,7 +118,7 @@ def pvt_timing(job: Job, setup: CutSetup, command: Sinusoid) -> PvtTiming:
     )
 
 
-def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
+def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
     """Return the text of the program that makes the tool follow `command` (um from the surface, infeed).
 
     The command must fit whole milliseconds.
@@ -147,7 +147,7 @@ def pvt_program(job: Job, setup: CutSetup, command: Sinusoid) -> str:
 
 
 def path_values(
-    job: Job, setup: CutSetup, command: Sinusoid, timing: PvtTiming, first_spindle: float
+    job: Job, setup: CutSetup, command: LobedPath, timing: PvtTiming, first_spindle: float
 ) -> dict[str, object]:
     """Return what the lines of `LOBE_PATH` are filled with; the spindle is at `first_spindle` where they begin."""
     turns_per_ms = job.spindle_speed_rpm / 60_000.0

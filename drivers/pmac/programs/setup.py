@@ -31,7 +31,8 @@ class CutSetup:
 
     `surface` is the tool position (counts) at which the tip touches the blank; the axis of the tool counts
     towards the work. `carriage_start` is clear of the part, `carriage_counts` the way from there to the end of
-    the cut. `spindle_start` is where the spindle stands when the program begins, in counts from its index.
+    the cut, `carriage_middle` the middle of what is cut. `spindle_start` is where the spindle stands when the
+    program begins, in counts from its index.
     `lease` is a condition of the controller's language that has to hold for the cut to go on, such as that a timer
     of a host has not run out; empty is without.
     """
@@ -42,6 +43,7 @@ class CutSetup:
     carriage_start: float
     carriage_counts: float
     carriage_per_turn: float
+    carriage_middle: float
     spindle_start: float
     counts_per_turn: int
     tool_count_um: float
@@ -63,10 +65,15 @@ class CutSetup:
         return math.ceil(self.turns - ROUNDING_TURNS)
 
 
-def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0, lease: str = "") -> CutSetup:
-    """Place a job on a machine by the machine's own geometry: tool radius at home, jaw faces, overhang."""
+def cut_setup(
+    job: Job, machine: MachineProfile, spindle_start: float = 0.0, lease: str = "", *, air_mm: float = 0.0
+) -> CutSetup:
+    """Place a job on a machine by the machine's own geometry: tool radius at home, jaw faces, overhang.
+
+    A cut in air is the same, all of it `air_mm` further out.
+    """
     tool, carriage = machine.tool, machine.carriage
-    surface = (tool.home_radius_mm - job.radius_mm) * tool.counts_per_mm
+    surface = (tool.home_radius_mm - job.radius_mm - air_mm) * tool.counts_per_mm
     face_mm = carriage.jaw_face_mm - job.overhang_mm
     clear_mm = APPROACH_MM + 0.5 * tool.wiper_land_mm
     return CutSetup(
@@ -75,6 +82,7 @@ def cut_setup(job: Job, machine: MachineProfile, spindle_start: float = 0.0, lea
         depth=job.depth_of_cut_mm * tool.counts_per_mm,
         carriage_start=(face_mm - clear_mm) * carriage.counts_per_mm,
         carriage_counts=(clear_mm + job.cut_length_mm) * carriage.counts_per_mm,
+        carriage_middle=(face_mm + 0.5 * job.cut_length_mm) * carriage.counts_per_mm,
         carriage_per_turn=job.feed_mm_per_rev * carriage.counts_per_mm,
         spindle_start=spindle_start,
         counts_per_turn=machine.spindle.counts_per_rev,

@@ -28,7 +28,7 @@ from drivers.pmac.programs.setup import SERVO, CutSetup
 from drivers.pmac.settings import settings_with
 from drivers.pmac.trajectory.jog import change_speed, jog_settings
 from drivers.pmac.variables import VariableStore
-from profiles.compensation import Sinusoid
+from profiles.compensation import LobedPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -87,7 +87,7 @@ def spindle_clock(job: Job, machine: MachineProfile, dialect: Dialect) -> Spindl
 
 
 def timebase_program(
-    job: Job, machine: MachineProfile, setup: CutSetup, command: Sinusoid, dialect: Dialect
+    job: Job, machine: MachineProfile, setup: CutSetup, command: LobedPath, dialect: Dialect
 ) -> str:
     """Return the text of the program, with the lines that set the time base up in front of it.
 

@@ -32,6 +32,9 @@ class Rippling(Protocol):
     speed_ripple: float
     ripple_per_turn: int
 
+    def swing_as_built(self) -> None:
+        """Swing as this spindle does by itself."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
@@ -176,11 +179,11 @@ def _jam(values: Mapping[str, Value], site: Site) -> Effect:
 def _ripple(values: Mapping[str, Value], site: Site) -> Effect:
     axis = cast(Rippling, site.motor({"motor": "spindle"}).axis)
 
-    def swing(ripple: float) -> None:
+    def swing() -> None:
         axis.ripple_per_turn = int(values["per_turn"])
-        axis.speed_ripple = ripple
+        axis.speed_ripple = float(values["ripple_percent"]) / 100.0
 
-    return Effect(begin=lambda: swing(float(values["ripple_percent"]) / 100.0), end=lambda: swing(0.0))
+    return Effect(begin=swing, end=axis.swing_as_built)
 
 
 def _watchdog(_: Mapping[str, Value], site: Site) -> Effect:

@@ -5,28 +5,44 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from drivers.simulator.plant.amplifier import current_lag
 from drivers.simulator.plant.driven_mass import DrivenMass
 
 
 class DrySlide:
-    """One servo cycle of a mass with viscous damping and Coulomb friction under a held force."""
+    """One servo cycle of a mass with viscous damping and Coulomb friction under a held force.
 
-    def __init__(self, mass: DrivenMass, cycle_s: float) -> None:
+    With `lag_s` the force follows what is asked for with that time constant, which is exact while the mass slides;
+    a stop or a start within the cycle sees the mean of the force.
+    """
+
+    def __init__(self, mass: DrivenMass, cycle_s: float, lag_s: float = 0.0) -> None:
         self._one = replace(mass, acceleration_per_bit=1.0)
         self._friction = mass.friction
         self._per_bit = mass.acceleration_per_bit
         self._cycle_s = cycle_s
         self._whole = self._one.held(cycle_s)
+        self._lag = current_lag(self._one, cycle_s, lag_s) if lag_s else None
+        self._driven = 0.0  # counts/s2, by the current at the beginning of a cycle
 
-    def step(self, x: float, v: float, force: float) -> tuple[float, float]:
-        """Return position (counts) and speed (counts/s) a cycle later; `force` in DAC bits."""
-        drive, whole = force * self._per_bit, self._whole
-        if v == 0.0:
+    def step(self, x: float, v: float, force: float, load: float = 0.0) -> tuple[float, float]:
+        """Return position (counts) and speed (counts/s) a cycle later.
+
+        `force` is asked for in DAC bits, `load` is what else pushes, in counts/s2.
+        """
+        drive, more_x, more_v = force * self._per_bit, 0.0, 0.0
+        if self._lag is not None:
+            lag, late = self._lag, self._driven - drive
+            self._driven = drive + lag.left * late
+            drive, more_x, more_v = drive + lag.mean * late, lag.more_x * late, lag.more_v * late
+        drive += load
+        whole, friction = self._whole, self._friction
+        if friction and v == 0.0:
             return self._from_rest(x, drive, self._cycle_s)
-        pull = drive - math.copysign(self._friction, v)
-        later = whole.decay * v + whole.push_v * pull
-        if later * v > 0.0:
-            return x + whole.glide * v + whole.push_x * pull, later
+        pull = drive - math.copysign(friction, v)
+        later = whole.decay * v + whole.push_v * pull + more_v
+        if later * v > 0.0 or not friction:
+            return x + whole.glide * v + whole.push_x * pull + more_x, later
         stops_s = min(self._time_to_rest(v, pull), self._cycle_s)
         part = self._one.held(stops_s)
         return self._from_rest(x + part.glide * v + part.push_x * pull, drive, self._cycle_s - stops_s)
@@ -41,5 +57,7 @@ class DrySlide:
 
     def _time_to_rest(self, v: float, pull: float) -> float:
         """Return when a speed is used up against a pull: v exp(-rt) + pull (1 - exp(-rt)) / r = 0."""
+        if pull * v >= 0.0:
+            return self._cycle_s  # it only comes to rest because the current was late
         rate = self._one.damping_per_s
         return -v / pull if rate == 0.0 else math.log1p(-rate * v / pull) / rate

@@ -1,20 +1,55 @@
-"""The gauges of the simulated shop: the trace of a released part, and what the eye sees at the chuck."""
+"""The gauges of the simulated shop: the trace of a part, and what the eye sees at the chuck."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drivers.simulator.plant.collision import Collision
-from drivers.simulator.plant.workpiece import Workpiece
+from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.workpiece import ANGLES, Workpiece
 from drivers.simulator.shop_view import ShopView
 from profiles.traces import Trace
 
+Floats = NDArray[np.float64]
 
-def measure_released(part: Workpiece, section: int, nominal_radius_mm: float) -> Trace:
-    """Return 3600 deviations (um, outward) from the nominal radius, angles from the spindle index."""
-    angle_deg, deviation_um = part.released_um(section, nominal_radius_mm)
-    meta = {"state": "free", "simulated": "yes", "radius_mm": f"{nominal_radius_mm:g}"}
-    return Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=meta)
+
+class Gauge:
+    """What measures round parts: each time the part sits a little beside the axis, and each point has its noise.
+
+    Deviations are um, positive outwards, at 3600 angles from the spindle index, in the direction in which the cut
+    turned. Without a known start mark the trace begins anywhere.
+    """
+
+    def __init__(self, true: TrueParameters) -> None:
+        self._eccentricity_um = true.gauge_eccentricity_um
+        self._noise_um = true.gauge_noise_um
+        self._mark_known = true.gauge_mark_known
+        self._chance = true.chance("gauge")
+        self._generator = np.random.default_rng(self._chance.randrange(2**32))
+
+    def trace(self, deviation_um: Floats, nominal_radius_mm: float, state: str) -> Trace:
+        """Return the trace of a section that deviates by `deviation_um` from its nominal radius, shape (3600,)."""
+        angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
+        read_um = deviation_um
+        if self._eccentricity_um:
+            towards = self._chance.uniform(0.0, 2.0 * math.pi)
+            read_um = read_um + self._eccentricity_um * np.cos(np.radians(angle_deg) - towards)
+        if self._noise_um:
+            read_um = read_um + self._generator.normal(0.0, self._noise_um, ANGLES)
+        if not self._mark_known:
+            read_um = np.roll(read_um, self._chance.randrange(ANGLES))
+        meta = {
+            "state": state,
+            "simulated": "yes",
+            "radius_mm": f"{nominal_radius_mm:g}",
+            "direction": "spindle",
+            "start_mark": "spindle index" if self._mark_known else "unknown",
+        }
+        return Trace(angle_deg=angle_deg, deviation_um=read_um, meta=meta)
 
 
 def look_at(

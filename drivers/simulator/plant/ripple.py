@@ -23,14 +23,15 @@ GONE_COUNTS = 1e-3
 class Ripple:
     """Swings a track about its mean, `per_turn` times a turn of the iron, so that the speed swings by a share.
 
-    With v the mean speed and k = 2 pi per_turn / turn, the angle is x + (share / k) sin(k x), and so the speed
-    v (1 + share cos(k x)).
+    With v the mean speed, k = 2 pi per_turn / turn and a phase p, the angle is x + (share / k) sin(k x + p), and
+    so the speed v (1 + share cos(k x + p)).
     """
 
-    def __init__(self, counts_per_turn: float, cycle_s: float) -> None:
+    def __init__(self, counts_per_turn: float, cycle_s: float, phase_rad: float = 0.0) -> None:
         self._counts_per_turn = counts_per_turn
         self._counts_per_s_at_1_rpm = counts_per_turn / 60.0
         self._cycle_s = cycle_s
+        self._phase_rad = phase_rad
         self._amplitude = 0.0
         self._speed = 0.0  # counts/s
         self._per_turn = 0
@@ -56,7 +57,7 @@ class Ripple:
             if self._last is not None and not jammed:
                 self._fade(wanted, place - self._last)
             self._last = place
-            swung.append(mean + self._amplitude * math.sin(wave * place))
+            swung.append(mean + self._amplitude * math.sin(wave * place + self._phase_rad))
         if not (share or self.swings):
             self._last, self._speed = None, 0.0
         return swung

@@ -14,11 +14,23 @@ class Spindle:
     `speed_ripple` is the share by which the speed swings about its mean, `ripple_per_turn` times a turn.
     """
 
-    def __init__(self, drive: Axis, counts_per_turn: float, cycle_s: float) -> None:
+    def __init__(
+        self,
+        drive: Axis,
+        counts_per_turn: float,
+        cycle_s: float,
+        built: tuple[float, int] = (0.0, 2),
+        phase_rad: float = 0.0,
+    ) -> None:
+        """`built` is how it swings by itself: the share, and how often in a turn."""
         self.drive = drive
-        self.speed_ripple = 0.0
-        self.ripple_per_turn = 2
-        self._ripple = Ripple(counts_per_turn, cycle_s)
+        self._built = built
+        self.speed_ripple, self.ripple_per_turn = built
+        self._ripple = Ripple(counts_per_turn, cycle_s, phase_rad)
+
+    def swing_as_built(self) -> None:
+        """Swing again as this spindle does by itself."""
+        self.speed_ripple, self.ripple_per_turn = self._built
 
     @property
     def origin(self) -> float:

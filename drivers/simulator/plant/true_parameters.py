@@ -7,9 +7,8 @@ iron has these. Where they differ there is something to find and to learn; by de
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from random import Random, SystemRandom
+from random import Random
 
 from drivers.simulator.plant.jaws import Jaws
 from drivers.simulator.plant.workpiece import Blank
@@ -22,10 +21,6 @@ TIP_OFF_BY_UM = 300
 FRICTION_FOUND_AT_MM_PER_S = 100.0
 """Peak speed of the sine at which dry friction and its viscous equivalent take the same energy: the fastest that
 the card lets the tool go. The paper does not say with which motion its damping was found."""
-
-POSITIONED_FRICTION_N = 0.1
-"""Dry friction that the published gains can still position against: a stuck tool waits for an integrator of 4.6 s.
-Roller guides have 2 to 5 N and need other gains."""
 
 BEYOND_TRAVEL_MM = 3.0
 """How far behind the travel of its profile the iron of an axis meets its stop."""
@@ -45,17 +40,29 @@ class TrueParameters:
     `jaw_face_mm` the Z position of the jaw faces, `wiper_land_mm` the length of the tool's flat along Z.
     `damping_n_s_per_m` has all friction of the tool in it; `coulomb_friction_n` says how much of that is dry (see
     `viscous_n_s_per_m`). A commutation that is `commutation_error_deg` off leaves the cosine of the thrust. The
-    scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`.
+    scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of
+    `encoder_noise_um` (rms, Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
+
+    The cut presses the tool out by `passive_share` of the main cutting force and of `edge_n_per_mm` along the
+    edge; 0 is a cut without force on the tool.
 
     `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
-    is a chuck that was mounted as each job says. A part springs back by `lobe_factor` times what its job says;
-    without a `jaw_1_deg`, jaw 1 is at `jaw_offset_deg` behind the angle that the job gives. Jaw 1 presses by the
-    share `jaw_1_harder` more than the mean of all jaws. Each clamping has a force of its own, with a standard
-    deviation of the share `clamping_force_spread`, drawn from `clamping_seed`.
+    is a chuck that was mounted as each job says, with jaw 1 at `jaw_offset_deg` behind the angle of the job. A
+    part springs back by `lobe_factor` times what its job says, or, whatever jobs believe, `lobe_um_pp` at a
+    chucking force of `lobe_force_n` and in proportion at another; a job without a lobe has none. It is high where
+    its job says, or `lobe_past_jaw_deg` past the jaws. Jaw 1 presses by the share `jaw_1_harder` more than the
+    mean of all jaws. Each clamping has a force of its own, with a standard deviation of the share
+    `clamping_force_spread`.
 
     An `ideal_spindle` is where it is told to be; another has inertia, torque, drag and friction. Its encoder makes
     `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and `ramp_rpm_per_s` are
-    of an inverter.
+    of an inverter. Its speed swings by the share `speed_ripple` about its mean, `ripple_per_turn` times a turn,
+    and its axis wanders by `radial_error_um_pp` (peak to peak, see `RadialError`).
+
+    On the gauge a part sits up to `gauge_eccentricity_um` beside the axis, each point has a noise of
+    `gauge_noise_um` (rms), and where no mark is known the trace begins anywhere.
+
+    `seed` decides what chance decides: the noises, the forces of clampings, the phases of ripple and wander.
 
     Between `tool_ends_mm` and `carriage_ends_mm`, from their flags, the iron of these axes can be; None is without
     an end.
@@ -84,15 +91,28 @@ class TrueParameters:
     carriage_ends_mm: tuple[float, float] | None = None
     belt_ratio: float = 1.0
     coulomb_friction_n: float = 0.0
+    current_lag_s: float = 0.0
+    encoder_noise_um: float = 0.0
+    passive_share: float = 0.0
+    edge_n_per_mm: float = 0.0
+    speed_ripple: float = 0.0
+    ripple_per_turn: int = 2
+    radial_error_um_pp: float = 0.0
     commutation_error_deg: float = 0.0
     scale_error_um: float = 0.0
     scale_period_um: float = 20.0
     lobe_factor: float = 1.0
+    lobe_um_pp: float | None = None
+    lobe_force_n: float | None = None
+    lobe_past_jaw_deg: float | None = None
     jaw_offset_deg: float = 0.0
     jaw_1_deg: float | None = None
     jaw_1_harder: float = 0.0
     clamping_force_spread: float = 0.0
-    clamping_seed: int = 0
+    gauge_eccentricity_um: float = 0.0
+    gauge_noise_um: float = 0.0
+    gauge_mark_known: bool = True
+    seed: int = 0
     tool_start_mm: float = 1.0
     carriage_start_mm: float = 2.0
     spindle_start_turns: float = 0.3456
@@ -105,8 +125,13 @@ class TrueParameters:
             ValueError: `coulomb_friction_n` is too large.
         """
         if self.viscous_n_s_per_m < 0.0:
-            most_n = self.damping_n_s_per_m * math.pi * FRICTION_FOUND_AT_MM_PER_S / 1000.0 / 4.0
-            raise ValueError(f"coulomb_friction_n = {self.coulomb_friction_n:g} N; all damping is {most_n:.4g} N")
+            most_n = f"{self.most_friction_n:.4g} N"
+            raise ValueError(f"coulomb_friction_n = {self.coulomb_friction_n:g} N; all damping is {most_n}")
+
+    @property
+    def most_friction_n(self) -> float:
+        """The dry friction that takes as much as all damping."""
+        return self.damping_n_s_per_m * math.pi * FRICTION_FOUND_AT_MM_PER_S / 1000.0 / 4.0
 
     @property
     def viscous_n_s_per_m(self) -> float:
@@ -122,23 +147,36 @@ class TrueParameters:
         """What the commutation leaves of the thrust for one volt."""
         return self.force_n_per_v * math.cos(math.radians(self.commutation_error_deg))
 
+    def chance(self, what: str) -> Random:
+        """Return the chance that decides `what`: the same for the same seed, whatever else is drawn."""
+        return Random(f"{self.seed} {what}")
+
     def scale_wrong_mm(self, tool_mm: float) -> float:
         """Return how much further in the tool is than its scale says, at a place of its travel."""
         return self.scale_error_um / 1000.0 * math.sin(2000.0 * math.pi * tool_mm / self.scale_period_um)
 
     def blank(self, job: Job, force_factor: float = 1.0) -> Blank:
         """Return the blank that is clamped for a job, with `force_factor` times the force that it asks for."""
-        said_deg = job.lobe_phase_deg + self.jaw_offset_deg
-        lobe_um_pp = force_factor * self.lobe_factor * job.lobe_error_um_pp
+        said_deg = job.jaw_1_deg + self.jaw_offset_deg
+        lobe_um_pp = force_factor * self._lobe_um_pp(job)
+        past_deg = job.lobe_past_jaw_deg if self.lobe_past_jaw_deg is None else self.lobe_past_jaw_deg
         jaws = Jaws(count=job.jaws, force_n=force_factor * job.chucking_force_n, first_harder=self.jaw_1_harder)
         return Blank(
             radius_mm=job.radius_mm,
             lobe_um_pp=lobe_um_pp,
             jaws=job.jaws,
             jaw_1_deg=said_deg if self.jaw_1_deg is None else self.jaw_1_deg,
+            lobe_past_jaw_deg=past_deg or 0.0,
             shift_um=jaws.shift_um,
             oval_um=jaws.oval_share * 0.5 * lobe_um_pp,
         )
+
+    def _lobe_um_pp(self, job: Job) -> float:
+        """Return how much the part of a job springs back, peak to peak, at the force that it asks for."""
+        if self.lobe_um_pp is None or not job.lobe_error_um_pp:
+            return self.lobe_factor * job.lobe_error_um_pp
+        share = job.chucking_force_n / self.lobe_force_n if self.lobe_force_n else 1.0
+        return self.lobe_factor * self.lobe_um_pp * share
 
     def force_factor(self, random: Random) -> float:
         """Draw the force of a clamping, a share of what was asked for: its logarithm is normal, it is never 0."""
@@ -171,50 +209,17 @@ def _iron_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:
     return (axis.travel_min_mm - BEYOND_TRAVEL_MM, axis.travel_max_mm + BEYOND_TRAVEL_MM)
 
 
-def as_mounted(machine: MachineProfile, random: Random) -> TrueParameters:
+def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random) -> TrueParameters:
     """Return a lathe set up by hand: chuck at any angle, tool tip near its nominal radius, a spindle with inertia.
 
     That is what an alignment has to find: the angle in whole hundredths of a degree, the radius in whole um.
     """
     off_by_mm = random.randint(-TIP_OFF_BY_UM, TIP_OFF_BY_UM) / 1000.0
     return replace(
-        ideal(machine),
+        true,
         ideal_spindle=False,
         tool_ends_mm=_iron_mm(machine.tool),
         carriage_ends_mm=_iron_mm(machine.carriage),
         jaw_1_deg=random.randrange(36_000) / 100.0,
         home_radius_mm=round(machine.tool.home_radius_mm + off_by_mm, 3),
     )
-
-
-def realistic(machine: MachineProfile, random: Random) -> TrueParameters:
-    """Return a lathe that was set up by hand and is not new: everything is a little off.
-
-    The mass is 5 % over its nominal value, the inertia 20 %: what is fixed to them. Friction, commutation, scale,
-    jaws and the spread of the wrench are such as are usual on a lathe that is looked after.
-    """
-    mounted = as_mounted(machine, random)
-    return replace(
-        mounted,
-        moving_mass_kg=1.05 * mounted.moving_mass_kg,
-        coulomb_friction_n=POSITIONED_FRICTION_N,
-        commutation_error_deg=5.0,
-        scale_error_um=0.5,
-        jaw_1_harder=0.02,
-        clamping_force_spread=0.05,
-        clamping_seed=random.randrange(2**32),
-        spindle_inertia_kg_m2=1.2 * mounted.spindle_inertia_kg_m2,
-    )
-
-
-PLANTS: dict[str, Callable[[MachineProfile, Random], TrueParameters]] = {
-    "ideal": lambda machine, _: ideal(machine),
-    "mounted": as_mounted,
-    "realistic": realistic,
-}
-"""The sets by the names under which a lathe is asked for."""
-
-
-def plant_named(name: str, machine: MachineProfile, seed: int | None = None) -> TrueParameters:
-    """Return one of `PLANTS`; what chance decides is drawn from the seed, and anew each time without one."""
-    return PLANTS[name](machine, SystemRandom() if seed is None else Random(seed))

@@ -41,21 +41,23 @@ EDGE_MM = 1e-6
 class Blank:
     """A clamped blank that was turned round before, as it really is (see `TrueParameters.blank`).
 
-    `lobe_um_pp` is the spring-back of the free part, high at the jaws; `jaw_1_deg` the spindle angle of jaw 1.
-    Unequal jaws add `oval_um` twice a turn and `shift_um` once, both amplitudes that are highest at jaw 1.
+    `lobe_um_pp` is the spring-back of the free part, high at the jaws or `lobe_past_jaw_deg` past them, and
+    `jaw_1_deg` the spindle angle of jaw 1. Unequal jaws add `oval_um` twice a turn and `shift_um` once, both
+    amplitudes that are highest at jaw 1.
     """
 
     radius_mm: float
     lobe_um_pp: float
     jaws: int
     jaw_1_deg: float
+    lobe_past_jaw_deg: float = 0.0
     shift_um: float = 0.0
     oval_um: float = 0.0
 
     def spring_back_um(self, angle_deg: Floats) -> Floats:
         """Return how much further out the released surface is than the clamped one."""
         past_jaw = np.radians(angle_deg - self.jaw_1_deg)
-        lobe = 0.5 * self.lobe_um_pp * np.cos(self.jaws * past_jaw)
+        lobe = 0.5 * self.lobe_um_pp * np.cos(self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg)))
         uneven = self.oval_um * np.cos(2.0 * past_jaw) + self.shift_um * np.cos(past_jaw)
         return np.asarray(lobe + uneven, dtype=np.float64)
 
@@ -84,10 +86,14 @@ class Workpiece:
 
     def released_um(self, section: int, nominal_radius_mm: float) -> tuple[Floats, Floats]:
         """Return angles (deg, from the spindle index) and deviations (um, outward) of a section when free."""
-        self._settle()
         angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
-        clamped_um = (self._radius_mm[section] - nominal_radius_mm) * 1000.0
-        return angle_deg, clamped_um + self.blank.spring_back_um(angle_deg)
+        return angle_deg, self.clamped_um(section, nominal_radius_mm) + self.blank.spring_back_um(angle_deg)
+
+    def clamped_um(self, section: int, nominal_radius_mm: float) -> Floats:
+        """Return the deviations (um, outward) of a section while it is clamped, from the spindle index on."""
+        self._settle()
+        clamped_um: Floats = (self._radius_mm[section] - nominal_radius_mm) * 1000.0
+        return clamped_um
 
     def clamped_radius_mm(self, turns: float, z_mm: float) -> float:
         """Return about how far out the clamped surface is in front of the tool, anywhere along the part.

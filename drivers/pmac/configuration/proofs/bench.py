@@ -1,4 +1,4 @@
-"""What every proof uses: a client that heeds stops, the correction of a motor, tables that are taken away."""
+"""What every proof uses: a client that heeds stops and the owner, the correction of a motor, tables taken away."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from drivers.clock import Clock
-from drivers.errors import ControllerError
+from drivers.errors import ControllerError, DriverError
 from drivers.pmac.client import PmacClient
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.compensation.table_text import table_lines
@@ -16,11 +16,15 @@ from drivers.pmac.configuration.judged import Judged
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.text import format_constant
-from drivers.pmac.reserved import MARKER
+from drivers.pmac.reserved import OWNER
 from drivers.pmac.status import decode
 from drivers.stop import StopPath
 from drivers.stop_record import Origin, Way, needed_stops
 from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+REASON = "doctor"
+"""Why the machine is stopped."""
 
 PARTS = 32
 """Positions in registers are in 1/(Ix08 x 32) count."""
@@ -57,13 +61,20 @@ class Before:
 
 @dataclass(kw_only=True)
 class ProofBench:
-    """One card, killed at the beginning; `tables` are the motors that were given a table here."""
+    """One card, killed at the beginning; `corrected` are the motors that were given a table here.
+
+    `owner` is the number of the console that proves, None where nobody else can reach the card. Once another one
+    is read, `ousted` is set: what moves by order of the bench (`moving`) is stopped, and nothing else goes out.
+    """
 
     client: PmacClient
     stop: StopPath
     clock: Clock
     judged: Judged
+    owner: float | None = None
     corrected: set[int] = field(default_factory=set)
+    moving: bool = False
+    ousted: bool = False
 
     @property
     def dialect(self) -> Dialect:
@@ -79,29 +90,67 @@ class ProofBench:
         """Return the motor of an axis."""
         return next(axis.motor for axis in self.judged.axes if axis.name == name)
 
+    def see_owner(self, held: float) -> None:
+        """Take in what was read of whose the machine is.
+
+        Raises:
+            DriverError: `owner.ousted`; what the bench moves was stopped before.
+        """
+        if self.owner is None or held == self.owner:
+            return
+        self.ousted = True
+        if self.moving:
+            self.stop.stop(REASON)
+        where, value, limit = self.client.link.address, f"{held:.0f}", f"{self.owner:.0f}"
+        raise DriverError(Problem(code="owner.ousted", where=where, value=value, limit=limit))
+
+    def refuse_ousted(self) -> None:
+        """Ask whose the machine is.
+
+        Raises:
+            DriverError: `owner.ousted`; the link broke.
+        """
+        self.see_owner(self.client.numbers(f"P{OWNER}", again=True)[0])
+
     def tell(self, *lines: str) -> None:
-        """Send lines that answer nothing, unless somebody has stopped.
+        """Send lines that answer nothing and move nothing, unless somebody has stopped or taken the machine.
 
         Raises:
             StoppedError: nothing was sent.
-            DriverError: the card refuses, or does not answer.
+            DriverError: `owner.ousted`, nothing was sent; the card refuses, or does not answer.
         """
+        self.refuse_ousted()
         for line in lines:
             self.stop.check()
             self.client.request(line, lines=0)
 
     def move(self, line: str) -> None:
-        """Send a line that goes on moving. A stop that overtook it on the way is sent again behind it.
+        """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
 
         Raises:
             StoppedError: before or behind it.
-            DriverError: the card refuses, or does not answer.
+            DriverError: `owner.ousted`, nothing was sent; the card refuses, or does not answer.
         """
+        self.refuse_ousted()
         self.stop.check()
-        self.client.request(line, lines=0)
+        self.moving = True
+        self.client.send(line, check=self.stop.check)
+        if self.stop.reason is not None:
+            self.stop.repeat()
+        self.client.reply(line, lines=0)
         if self.stop.reason is not None:
             self.stop.repeat()
         self.stop.check()
+
+    def give_back(self, *lines: str) -> None:
+        """Send lines that put back what was used; what the card refuses is left. Of another's machine all is.
+
+        Raises:
+            LinkError: the link broke.
+        """
+        for line in () if self.ousted else lines:
+            with suppress(ControllerError):
+                self.client.request(line, lines=0)
 
     def refuses(self, line: str) -> bool:
         """Whether the card refuses a line as it should: with ERR003."""
@@ -113,17 +162,17 @@ class ProofBench:
         return False
 
     def settle(self, seconds: float = SETTLE_S) -> None:
-        """Let time pass; a stop ends it, and so does a link that is gone while something may move.
+        """Let time pass; a stop ends it, and so does a link or a machine that is gone while something may move.
 
         Raises:
             StoppedError: somebody has stopped.
-            LinkError: the link broke.
+            DriverError: `owner.ousted`; the link broke.
         """
         end = self.clock.now_s() + seconds
         while (left := end - self.clock.now_s()) > 0.0:
             self.stop.check()
             self.clock.wait(min(left, SETTLE_S))
-            self.client.query(f"P{MARKER}", again=True)
+            self.refuse_ousted()
         self.stop.check()
 
     def position(self, motor: int) -> float:
@@ -162,12 +211,11 @@ class ProofBench:
             self.client.request(f"#{motor}DELETE COMP", lines=0)
 
     def put_back(self, before: Before) -> None:
-        """Leave the card as it was found; what the card refuses of that is left."""
+        """Leave the card as it was found, unless it is another's; what the card refuses of that is left."""
+        if self.ousted:
+            return
         motors = [axis.motor for axis in self.judged.axes]
-        lines = ["I51=0", "ENDGATHER", "DELETE GATHER"]
-        for line in lines:
-            with suppress(ControllerError):
-                self.client.request(line, lines=0)
+        self.give_back("I51=0", "ENDGATHER", "DELETE GATHER")
         for motor in sorted(motors):
             with suppress(ControllerError):
                 self.clear_correction(motor)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from drivers.errors import DriverError
 from drivers.pmac.configuration.judged import JudgedAxis
 from drivers.pmac.configuration.proofs.air_cut import Begin
-from drivers.pmac.configuration.proofs.bench import ProofBench
+from drivers.pmac.configuration.proofs.bench import REASON, ProofBench
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.lease import PERIOD_MS
 from drivers.pmac.heartbeat.watch import Look, Watch, rests
@@ -39,7 +39,8 @@ class Leased:
     def watch(self) -> Watch:
         """All of their motors, looked at."""
         bench = self.bench
-        return Watch(bench.client, bench.clock, bench.dialect, tuple(axis.motor for axis in self.axes))
+        motors = tuple(axis.motor for axis in self.axes)
+        return Watch(bench.client, bench.clock, bench.dialect, motors, bench.see_owner)
 
     @property
     def keeper(self) -> Keeper:
@@ -61,8 +62,10 @@ class Leased:
         Raises:
             DriverError: somebody has stopped, or the link broke.
         """
-        self.bench.tell(*(f"#{axis.motor}J/" for axis in self.axes))
+        for axis in self.axes:
+            self.bench.move(f"#{axis.motor}J/")
         self.bench.settle()
+        self.bench.moving = False
 
     def home(self) -> None:
         """Search the zero of each axis, the tool first, so that it is out when another one moves.
@@ -109,13 +112,14 @@ class Leased:
         while not (looks and (looks[-1].lost or (rests(looks) and done(looks[-1])))):
             bench.clock.wait(PERIOD_MS / 1000.0)
             bench.stop.check()
-            watch.client.request(keeper.line)
+            watch.renew(keeper)
             looks.append(watch.look())
             if bench.clock.now_s() > end_s:
                 raise self._timeout(axis)
         watch.client.request(f"{NOTHING_GUARDED} {LOSS_SEEN}")
+        bench.moving = looks[-1].lost  # ended by the card, it may not rest yet
         return None if looks[-1].lost else looks[-1]
 
     def _timeout(self, axis: JudgedAxis) -> DriverError:
-        self.bench.stop.stop("doctor")
+        self.bench.stop.stop(REASON)
         return DriverError(Problem(code="machine.timeout", key=axis.name, value=f"{TIMEOUT_S:g} s"))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 
-from drivers.errors import ControllerError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
 from drivers.pmac.configuration.check import Check
@@ -55,9 +53,8 @@ def pvt_rounding(bench: ProofBench) -> Check:
         _load(bench)
         found_ms = _run(bench) / (2 * PAIRS)
     finally:
-        with suppress(ControllerError):  # after a stop the program may not have ended yet
-            for line in (f"{COUNTER}={format_constant(value)}", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"):
-                bench.client.request(line, lines=0)
+        # After a stop the program may not have ended yet, and the card refuses.
+        bench.give_back(f"{COUNTER}={format_constant(value)}", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
     wanted_ms, other_ms = _segment_ms(bench)
     holds = abs(found_ms - wanted_ms) < abs(found_ms - other_ms)
     return proof("pvt_rounding", holds=holds, found=f"{found_ms:.2f} ms", wanted=f"{wanted_ms:g} ms")
@@ -71,7 +68,8 @@ def _delay(bench: ProofBench, spindle: int, target: int) -> int | None:
     gathering = DataGathering(client=bench.client, dialect=bench.dialect)
     channels = gathering.motor_channels(f"#{spindle} actual", f"#{target} compensation")
     plan = gathering.prepare(channels, SAMPLES)
-    bench.tell(f"#{spindle}J/", f"#{spindle}J^{_jog_counts(bench, spindle)}")
+    bench.move(f"#{spindle}J/")
+    bench.move(f"#{spindle}J^{_jog_counts(bench, spindle)}")
     bench.settle(RAMP_S)
     gathering.start(plan)
     bench.settle(plan.duration_ms / 1000.0 + SETTLE_S)
@@ -141,10 +139,11 @@ def _load(bench: ProofBench) -> None:
 
 def _run(bench: ProofBench) -> float:
     """Run the program; return how long it took, ms."""
+    bench.move(f"&1B{PROGRAM}R")
     began_s = bench.clock.now_s()
-    bench.tell(f"&1B{PROGRAM}R")
     while not _arrived(bench) and bench.clock.now_s() - began_s < REST_TIMEOUT_S:
         bench.settle(POLL_S)
+    bench.moving = not _arrived(bench)
     return (bench.clock.now_s() - began_s) * 1000.0
 
 
@@ -169,7 +168,8 @@ def _rest(bench: ProofBench, motor: int) -> float:
     while bench.clock.now_s() < end:
         flags = bench.flags(motor)
         if "desired_velocity_zero" in flags or "open_loop" in flags:
+            bench.moving = False
             break
-        bench.clock.wait(POLL_S)
-    bench.clock.wait(SETTLE_S)
+        bench.settle(POLL_S)
+    bench.settle()
     return bench.position(motor)

@@ -36,6 +36,7 @@ from drivers.pmac.configuration.proofs.timing import servo_rate
 from drivers.pmac.configuration.reading import Extent, read_configuration, read_settings
 from drivers.pmac.configuration.verification import Verification
 from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.reserved import OWNER
 from drivers.stop import StopPath
 from drivers.stop_record import StopEntry
 
@@ -59,13 +60,18 @@ class Proven:
     stops: tuple[StopEntry, ...] = ()
 
 
-def prove(client: PmacClient, stop: StopPath, clock: Clock, verification: Verification) -> Proven:
+def prove(
+    client: PmacClient, stop: StopPath, clock: Clock, verification: Verification, owner: float | None = None
+) -> Proven:
     """Prove what a cut relies on; the drives are killed before and afterwards.
+
+    `owner` is the number of the console that controls the machine, None: whoever does when it begins. When the
+    machine is another's meanwhile, what moves is stopped, and nothing else goes out.
 
     Raises:
         StoppedError: somebody stopped; the drives are killed.
         LinkError: the link broke; look at the machine.
-        DriverError: an axis does not arrive; the drives are killed.
+        DriverError: an axis does not arrive; the drives are killed. `owner.ousted`.
     """
     judged = verification.judged
     names = names_of(judged.machine)
@@ -73,7 +79,9 @@ def prove(client: PmacClient, stop: StopPath, clock: Clock, verification: Verifi
     if busy or worst(verification.checks) is Outcome.FAILS:
         first = Check(group=Group.PROOFS, code="proofs_refused", outcome=Outcome.FAILS)
         return Proven(checks=(first, *unproven(names)))
-    bench = ProofBench(client=client, stop=stop, clock=clock, judged=judged)
+    if owner is None:
+        (owner,) = client.numbers(f"P{OWNER}", again=True)
+    bench = ProofBench(client=client, stop=stop, clock=clock, judged=judged, owner=owner)
     before = _before(bench)
     checks: list[Check] = []
     stops = MeasuredStops()
@@ -110,8 +118,9 @@ def _stage(bench: ProofBench, proofs: Mapping[str, Proof]) -> list[Check]:
 def _closed(bench: ProofBench) -> list[Check]:
     """Carry out what needs every loop closed, and open them again."""
     for axis in bench.judged.axes:
-        bench.tell(f"#{axis.motor}J/")
+        bench.move(f"#{axis.motor}J/")
     bench.settle()
+    bench.moving = False
     checks = _stage(bench, CLOSED)
     bench.stop.switch_off()
     bench.settle()
@@ -119,7 +128,9 @@ def _closed(bench: ProofBench) -> list[Check]:
 
 
 def _leave(bench: ProofBench, before: Before) -> None:
-    """Kill every drive, and put everything back that can be."""
+    """Kill every drive, and put everything back that can be; what is another's is left as it is."""
+    if bench.ousted:
+        return
     with suppress(LinkError):
         bench.stop.switch_off()
     bench.clock.wait(SETTLE_S)

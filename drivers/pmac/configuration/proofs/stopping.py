@@ -9,7 +9,7 @@ from drivers.errors import DriverError, RefusedError
 from drivers.heartbeat import Heartbeat
 from drivers.pmac.configuration.check import Check, Group, Outcome
 from drivers.pmac.configuration.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
-from drivers.pmac.configuration.proofs.bench import ProofBench
+from drivers.pmac.configuration.proofs.bench import REASON, ProofBench
 from drivers.pmac.configuration.proofs.leased import TRIES, Leased
 from drivers.pmac.configuration.proofs.stop_results import (
     SeenStop,
@@ -29,7 +29,6 @@ from drivers.pmac.language.text import format_number
 from drivers.stop_record import Origin, StopEntry, Way, needed_stops
 from profiles.problem import Problem
 
-REASON = "doctor"
 AT_SPEED_S = 0.1
 """What a motion goes on at its full speed before it is stopped."""
 
@@ -113,8 +112,7 @@ def _load(bench: ProofBench, axes: Leased) -> bool:
 
 def _unload(bench: ProofBench) -> None:
     with suppress(DriverError):  # after a stop the program may not have ended yet
-        for line in (f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"):
-            bench.client.request(line, lines=0)
+        bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
 def _measured(bench: ProofBench, axes: Leased, way: Way, origin: Origin) -> SeenStop:
@@ -170,6 +168,7 @@ def _at_speed(bench: ProofBench, axes: Leased, origin: Origin, kept_s: float) ->
 
 def _silence(bench: ProofBench, axes: Leased, before: Look) -> SeenStop:
     found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.LEASE])
+    bench.moving = found.at_rest_s is None
     return SeenStop(
         way=Way.LEASE,
         pressed_s=before.asked_s,
@@ -231,4 +230,5 @@ def _until_rest(axes: Leased, before: tuple[Look, ...], limit_s: float) -> tuple
     while not rests(looks) and (passed_s := watch.clock.now_s() - began_s) < limit_s:
         watch.clock.wait(LOOK_EVERY_S if passed_s < RUNNING_OUT_S else SELDOM_S)
         looks.append(watch.look())
+    axes.bench.moving = not rests(looks)
     return tuple(looks)

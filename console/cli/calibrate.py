@@ -1,0 +1,20 @@
+"""`console calibrate`: the chuck from measurements at it, the lobe of a job from the trace of a part."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from datetime import UTC, datetime
+
+from console.text.catalogue import Catalogue
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Fit what was measured and print it with its confidence; keep it where that was asked for."""
+    date = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    if options.action == "chuck":
+        from console.cli.calibrate_chuck import calibrate_chuck
+
+        return calibrate_chuck(options, text, date)
+    from console.cli.calibrate_lobe import calibrate_lobe
+
+    return calibrate_lobe(options, text, date)

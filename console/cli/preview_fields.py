@@ -1,0 +1,150 @@
+"""A preview as fields for JSON: lengths in um, angles in degrees, nothing rounded."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import asdict
+
+from console.session.foreseen import Band, predicted_band
+from console.session.outlook import grip_share
+from console.session.preview import Preview
+from console.text.catalogue import Catalogue
+from drivers.cut import CutPlan
+from profiles.envelope import EnvelopeRow, envelope
+from profiles.problem import ProblemError
+from profiles.rules import Finding, Severity
+from profiles.safe_speed import speed_limits_rpm
+
+
+def fields_of(seen: Preview, text: Catalogue) -> dict[str, object]:
+    """Return the whole preview; what belongs to one strategy is of the one that was chosen."""
+    return {
+        "job": seen.job.name,
+        "machine": seen.machine.name,
+        "strategy": seen.strategy.value,
+        "lobe_frequency_hz": seen.job.lobe_frequency_hz,
+        "predicted_RONt_um": seen.job.lobe_error_um_pp,
+        "lobe_error_source": seen.job.lobe_error_source,
+        "predicted": _predicted(seen, text),
+        "response": _response(seen),
+        "wanted_path": asdict(seen.wanted),
+        "command": asdict(seen.command),
+        "trajectory": _trajectory(seen),
+        "eq9": {**asdict(seen.eq9), **asdict(seen.eq9_loop), "gain_margin": _finite(seen.eq9_loop.gain_margin)},
+        "sampled_loop": asdict(seen.sampled),
+        "drive": _drive(seen),
+        "margins": _margins(seen),
+        "envelope": _envelope(seen),
+        "grip_margin_n": seen.grip_margin_n,
+        "findings": [_finding(f, text) for f in seen.findings],
+        "strategies": {name: _strategy(plan, text) for name, plan in seen.strategies.items()},
+    }
+
+
+def held(finding: Finding, text: Catalogue) -> str:
+    """Return a rule that holds, which has no sentence: its name, and what was met against what is allowed."""
+    problem = finding.problem
+    return f"{text(f'name.{problem.code}')}: {problem.value} ({problem.limit})"
+
+
+def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
+    """Roundness of the released part without compensation and with the strategy; None where that is refused."""
+    band = predicted_band(seen, seen.strategy)
+    if band is None:
+        return None
+    return {
+        "before": {"ront_um": seen.job.lobe_error_um_pp},
+        "after": {"ront_um": band.after_um},
+        "band": {"low_um": band.low_um, "high_um": band.high_um, "because": _because(seen, band, text)},
+    }
+
+
+def _because(seen: Preview, band: Band, text: Catalogue) -> list[dict[str, object]]:
+    terms = (
+        (f"servo.{seen.response.source}", band.servo_um),
+        ("clamping", band.clamping_um),
+        ("cutting", band.cutting_um),
+    )
+    return [{"code": f"band.{name}", "um": um, "text": text(f"band.{name}")} for name, um in terms]
+
+
+def _response(seen: Preview) -> dict[str, object]:
+    """What the command inverts; a model has no band."""
+    response, frequency_hz = seen.response, seen.job.lobe_frequency_hz
+    here = response.at(frequency_hz)
+    return {
+        "source": response.source.value,
+        "name": response.name,
+        "lowest_hz": response.lowest_hz,
+        "highest_hz": _finite(response.highest_hz),
+        "gain": abs(here),
+        "phase_deg": math.degrees(cmath.phase(here)),
+        "relative_95": response.relative_95(frequency_hz),
+    }
+
+
+def _trajectory(seen: Preview) -> dict[str, list[float]] | None:
+    """One turn of the steady cut, None where the strategy is refused."""
+    made = seen.predictions.get(seen.strategy)
+    if made is None:
+        return None
+    columns = ("angle_deg", "command_um", "path_um", "residual_um")
+    return {name: getattr(made, name).tolist() for name in columns}
+
+
+def _drive(seen: Preview) -> dict[str, float]:
+    needs = {**asdict(seen.need), **{key: share.need for key, share in seen.shares.items()}}
+    limits = {f"{key}_limit": share.limit for key, share in seen.shares.items()}
+    return {**needs, **limits, **{f"{key}_percent": share.percent for key, share in seen.shares.items()}}
+
+
+def _margins(seen: Preview) -> dict[str, float | None]:
+    """Needs in percent of what there is, with the stroke of the program where there is one; None is not known."""
+    made = seen.predictions.get(seen.strategy)
+    shares = {**(seen.shares if made is None else made.shares), "grip_n": grip_share(seen.job, seen.machine)}
+    return {"voltage_v_percent": None, **{f"{name}_percent": share.percent for name, share in shares.items()}}
+
+
+def _envelope(seen: Preview) -> dict[str, object]:
+    """How fast a lobe of some amplitude may be cut, by the limits of the axis; and this job, by every limit."""
+    found = envelope(seen.job, seen.machine)
+    limits = speed_limits_rpm(seen.job, seen.machine, seen.response, found.at_job)
+    binding = min(limits, key=limits.__getitem__)
+    return {
+        "rows": [_row(row) for row in found.rows],
+        "at_job": {
+            "amplitude_um": found.at_job.amplitude_um,
+            "max_rpm": limits,
+            "binding": binding,
+            "percent": {name: 100.0 * seen.job.spindle_speed_rpm / rpm for name, rpm in limits.items() if rpm},
+        },
+        "highest_safe_rpm": limits[binding],
+        "plain_sine_rpm": found.plain_sine_rpm,
+    }
+
+
+def _row(row: EnvelopeRow) -> dict[str, object]:
+    return {"amplitude_um": row.amplitude_um, "max_rpm": row.rpm, "binding": row.binding}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _finding(finding: Finding, text: Catalogue) -> dict[str, object]:
+    return {
+        "severity": finding.severity.value,
+        "code": finding.problem.code,
+        "text": text.problem(finding.problem) if finding.severity is not Severity.OK else held(finding, text),
+    }
+
+
+def _strategy(plan: CutPlan | ProblemError, text: Catalogue) -> dict[str, object]:
+    if isinstance(plan, ProblemError):
+        return {"refused": [text.problem(problem) for problem in plan.problems]}
+    return {
+        "spindle_rpm": plan.spindle_speed_rpm,
+        "duration_s": plan.duration_s,
+        "findings": [_finding(f, text) for f in plan.findings],
+    }

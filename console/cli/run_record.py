@@ -1,0 +1,61 @@
+"""The record of a run: what was cut with what, each step, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import TypeVar
+
+from console.cli.run_order import RunOrder
+from console.session.errors import SessionError
+from console.session.records import RunRecord
+from console.session.run import RunPlan
+
+Result = TypeVar("Result")
+
+
+def begin_record(data: Path, order: RunOrder) -> RunRecord:
+    """Begin the record of a run, in the data folder.
+
+    Raises:
+        SessionError: `record.unwritable`; nothing was started.
+    """
+    return RunRecord(data, _described(order))
+
+
+def recorded(
+    record: RunRecord,
+    warnings: list[str],
+    plan: RunPlan,
+    work: Callable[[], Result],
+    told: Callable[[Result, list[str]], dict[str, object]],
+) -> Result:
+    """Run, and keep in the record how it went, as it is `told`, however it ends."""
+    try:
+        record.add("planned", {"warnings": warnings, "duration_s": plan.cut.duration_s})
+        result = work()
+        record.add("result", told(result, warnings))
+    except BaseException as error:
+        # What ended the run matters more than a record that cannot take it.
+        with suppress(SessionError):
+            record.add("ended", {"reason": str(error) or type(error).__name__})
+        raise
+    finally:
+        record.close()
+    return result
+
+
+def _described(order: RunOrder) -> dict[str, object]:
+    job, machine, plan = order.job, order.machine, order.plan
+    return {
+        "software": f"trilobe {version('trilobe')}",
+        "job": job.job.name,
+        "job_sha256": job.sha256,
+        "machine": machine.machine.name,
+        "machine_sha256": machine.sha256,
+        "simulated": int(order.simulated),
+        "strategy": plan.cut.strategy.value,
+        "program": plan.cut.text,
+    }

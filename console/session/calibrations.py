@@ -1,0 +1,108 @@
+"""Calibrations on the disk: one file each, never overwritten, found again by what they are of."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from console.session.paths import jobs_folder
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.job import Job
+from profiles.problem import Problem, ProfileError
+from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
+
+FOLDER = "calibrations"
+CAP_BYTES = 1_000_000
+SCHEMA = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What was found, of what and from what: `subject` is the machine or the job with the hash of its file.
+
+    `kind` is "wrench", "deflection" or "lobe", `date` UTC after ISO 8601, `file` what was measured with its hash,
+    `found` the numbers of the fit by their names.
+    """
+
+    kind: str
+    subject: str
+    subject_sha256: str
+    date: str
+    file: str
+    file_sha256: str
+    found: Mapping[str, Any]
+    schema: int = SCHEMA
+
+
+def store(data: Path, calibration: Calibration) -> Path:
+    """Keep a calibration in the data folder, and return its file.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`.
+    """
+    folder = _folder(data, calibration.subject)
+    _make(folder)
+    # The date without marks: no file system minds it, and the names stand in the order of the dates.
+    stamp = "".join(c for c in calibration.date if c.isalnum())
+    path = folder / f"{calibration.kind}-{stamp}.json"
+    content = json.dumps(asdict(calibration), ensure_ascii=False, allow_nan=False, indent=2)
+    write_atomically(path, f"{content}\n".encode(), overwrite=False)
+    return path
+
+
+def newest(data: Path, subject: str, kind: str) -> Calibration | None:
+    """Return the latest calibration of a kind, None where there is none.
+
+    Raises:
+        ProfileError: `file.unreadable`, `file.too_large`; `calibration.record`, a file that is none of ours.
+    """
+    files = sorted(_folder(data, subject).glob(f"{kind}-*.json"))
+    return _load(files[-1]) if files else None
+
+
+def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
+    """Write a job over its own file, or among the operator's where it came with the console; return it loaded.
+
+    Raises:
+        ProfileError: `file.not_writable`, and the problems of the job.
+    """
+    if loaded.path.parent != BUNDLED_JOBS:
+        save_job(job, loaded.path, overwrite=True)
+        return load_job(str(loaded.path))
+    folder = jobs_folder(data)
+    _make(folder)
+    name, number = loaded.path.stem, 2
+    while (folder / f"{name}-{number}.toml").exists():
+        number += 1
+    path = folder / f"{name}-{number}.toml"
+    save_job(replace(job, name=path.stem), path)
+    return load_job(str(path))
+
+
+def _load(file: Path) -> Calibration:
+    where = printable(str(file))
+    try:
+        table = json.loads(read_regular_file(file, cap_bytes=CAP_BYTES))
+        if table["schema"] != SCHEMA or not isinstance(table["found"], dict):
+            raise ValueError(f"schema {table['schema']!r}")
+        return Calibration(**table)
+    except (ValueError, RecursionError, KeyError, TypeError) as error:
+        value = printable(str(error))
+        raise ProfileError(Problem(code="calibration.record", where=where, value=value)) from error
+
+
+def _folder(data: Path, subject: str) -> Path:
+    """Return the folder of a machine or a job, whatever its name has in it."""
+    return data / FOLDER / quote(subject, safe=" ").replace(".", "%2E")
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        where, value = printable(str(folder)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error

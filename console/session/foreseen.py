@@ -1,0 +1,84 @@
+"""What a cut will leave on the part, and how far from that it may come: the predicted band and its reasons.
+
+An inverse leaves E |1 - T / T_hat| of a lobe E; with T within a disc of radius r around T_hat that is at most r E.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from console.session.outlook import INVERTING
+from console.session.preview import Preview
+from drivers.cut import Strategy
+from drivers.identification.nominal import path_response
+from profiles.chucking.holding import holding_of
+from profiles.cutting_process import cutting_process
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.prediction import held_part
+from profiles.problem import ProfileError
+from profiles.rules import lobe_um_per_n
+
+NORMAL_95 = 1.959964
+"""How many standard deviations hold 95 % of a normal distribution."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Band:
+    """The roundness that is left with a strategy, um p-p, `low_um` to `high_um`, and by what: each in um p-p.
+
+    `servo_um` is how far the response may be from the one that was inverted, `clamping_um` how the lobe changes
+    from clamping to clamping, both with 95 %. `cutting_um` is how the tool gives way to the force of the uneven
+    cut, None for a material without numbers: it is there in every part, in a phase of its own. Friction is not in
+    it.
+    """
+
+    after_um: float
+    servo_um: float
+    clamping_um: float
+    cutting_um: float | None
+
+    @property
+    def _reach_um(self) -> float:
+        return (self.cutting_um or 0.0) + math.hypot(self.servo_um, self.clamping_um)
+
+    @property
+    def low_um(self) -> float:
+        """The least that may be left."""
+        return max(self.after_um - self._reach_um, 0.0)
+
+    @property
+    def high_um(self) -> float:
+        """The most."""
+        return self.after_um + self._reach_um
+
+
+def predicted_band(seen: Preview, strategy: Strategy) -> Band | None:
+    """Return the band of a strategy, None where it cannot be planned."""
+    made, job, machine = seen.predictions.get(strategy), seen.job, seen.machine
+    if made is None:
+        return None
+    path = strategy if strategy in INVERTING else Strategy.PVT
+    response = seen.response if strategy is seen.strategy else path_response(path, machine)
+    holding = holding_of(machine)
+    scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_share * job.chucking_force_n
+    return Band(
+        after_um=made.ront_um,
+        servo_um=response.relative_95(made.lobe_frequency_hz) * float(np.ptp(made.path_um)),
+        clamping_um=NORMAL_95 * scatter_um,
+        cutting_um=_cutting_um(job, machine, strategy),
+    )
+
+
+def _cutting_um(job: Job, machine: MachineProfile, strategy: Strategy) -> float | None:
+    """Return how the tool gives way to a cut as uneven as the lobe, p-p; one that keeps its depth cuts evenly."""
+    if strategy is Strategy.NONE:
+        return 0.0
+    try:
+        part = held_part(job, machine)
+    except ProfileError:
+        return None
+    return 2.0 * cutting_process(part, machine, job.lobe_error_um_pp).lobed_motion_um

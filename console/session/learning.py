@@ -1,0 +1,310 @@
+"""Parts in a row that learn: from the tool in air, from the tool in the cut, from the part that was measured.
+
+In air the command is learned until the tool does what is wanted; friction makes the response depend on how large
+the motion is, so it is done with the motion of the cut itself. In the cut a trim takes away what the cutting force
+adds. The measured part then says what else should have been wanted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from console.session.errors import SessionError
+from console.session.interlocks import of_program, refuse_unless
+from console.session.run import FILTER_UPR, RunPlan
+from console.session.sequence import Beside, CutOutcome, Shop, Step, cut_part
+from console.session.telemetry import CutFigures
+from drivers.cut import CutPlan, Strategy, nominal_command, plan_cut
+from drivers.cut_gather import Batch, BatchGather
+from drivers.identification.nominal import nominal_response
+from drivers.lathe import Lathe
+from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
+from drivers.snapshot import Snapshot
+from profiles.compensation import CutPath, wanted_path
+from profiles.job import Job
+from profiles.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part, trimmed
+from profiles.problem import Problem
+from profiles.roundness import RoundnessResult, evaluate
+from profiles.traces import Trace
+
+AIR_PASSES = 3
+AIR_MM = 1.0
+"""How far out of the part the tool stays in air, more than any depth of cut and lobe."""
+
+AIR_TURNS = 30
+AIR_BATCH_S = 1.0
+CUT_BATCH_S = 0.25
+
+TRIM_GAIN = 0.7
+FIRST_PART_GAIN, PART_GAIN = 1.0, 0.7
+"""Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
+
+OVERTONES = (2, 3)
+"""Multiples of the lobe that are learned beside it."""
+
+OTHERS = (1, 2)
+"""Waves that are there and not learned: eccentricity and ovality would leak into the others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedPart:
+    """One part: how round it is, what the tool did, and the path and the trim that it was cut with.
+
+    `tool_off` is what the tool was off in the middle of the cut, `air_um` the lobe's error in each pass of air in
+    front of this part, peak to peak.
+    """
+
+    roundness: RoundnessResult
+    figures: CutFigures
+    path: CutPath
+    trim_um: complex
+    tool_off: Deviation
+    air_um: tuple[float, ...]
+    part_gain: float
+    collisions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnResult:
+    """What was made: `before` without compensation, the parts in their order, `floor` a part without a lobe."""
+
+    plan: RunPlan
+    before: RoundnessResult
+    floor: RoundnessResult
+    parts: tuple[LearnedPart, ...]
+
+
+Tell = Callable[[str, Step, str], None]
+
+
+def learn(plan: RunPlan, open_shop: Callable[[], Shop], tell: Tell, parts: int) -> LearnResult:
+    """Cut `parts` parts on one machine, each with what the ones before have taught.
+
+    Raises:
+        ProblemError: `learning.no_gauge`, `learning.strategy`; what went wrong, see `cut_part`.
+    """
+    refuse_unlearnable(plan, measured=True)
+    learner = _Learner(plan, open_shop(), tell)
+    before, floor = learner.reference(), learner.floor()
+    learner.in_air()
+    made = tuple(learner.part(number) for number in range(1, parts + 1))
+    return LearnResult(plan=plan, before=before, floor=floor, parts=made)
+
+
+def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
+    """Refuse a cut from which nothing can be learned.
+
+    Raises:
+        SessionError: `learning.strategy`, only a table can be learned; `learning.no_gauge`, nobody would measure
+            the parts between two cuts.
+    """
+    if plan.cut.strategy is not Strategy.CAM or plan.reference is None:
+        strategy = plan.cut.strategy.value
+        raise SessionError(Problem(code="learning.strategy", value=strategy, limit=Strategy.CAM.value))
+    if not measured:
+        raise SessionError(Problem(code="learning.no_gauge"))
+
+
+def _measured(trace: Trace | None) -> Trace:
+    if trace is None:
+        raise SessionError(Problem(code="learning.no_gauge"))
+    return trace
+
+
+def evaluated(trace: Trace) -> RoundnessResult:
+    """Return the roundness that parts are compared with."""
+    return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
+
+
+def _named(tell: Tell, part: str, number: int) -> Callable[[Step, str], None]:
+    """Tell of a part with its number, if it has one."""
+    if not number:
+        return lambda step, detail: tell(part, step, detail)
+    return lambda step, detail: tell(part, step, f"{number} · {detail}" if detail else f"{number}")
+
+
+class _Learner:
+    """One machine, and the path as it is known by now."""
+
+    def __init__(self, plan: RunPlan, shop: Shop, tell: Tell) -> None:
+        self._plan, self._shop, self._tell = plan, shop, tell
+        self._job, self._machine = plan.job, plan.machine
+        wanted = wanted_path(plan.job)
+        self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, Strategy.CAM))
+        self._air_um: list[float] = []
+        self._homed = False
+
+    def reference(self) -> RoundnessResult:
+        """Cut a part without compensation."""
+        return self._plain(self._job, "before")
+
+    def floor(self) -> RoundnessResult:
+        """Cut a part that is not lobed, without compensation: what is left is the machine's own."""
+        return self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor")
+
+    def _plain(self, job: Job, name: str) -> RoundnessResult:
+        plan = plan_cut(
+            job, self._machine, Strategy.NONE, from_turn=self._turn(), lease=self._plan.cut.setup.lease
+        )
+        return evaluated(_measured(self._cut(self._shop, job, plan, name).trace))
+
+    def _cut(
+        self, shop: Shop, job: Job, plan: CutPlan, name: str, beside: Beside | None = None, number: int = 0
+    ) -> CutOutcome:
+        outcome = cut_part(shop, job, plan, _named(self._tell, name, number), beside, homed=self._homed)
+        self._homed = True
+        return outcome
+
+    def _turn(self) -> int:
+        """Return the whole turn that is nearest to where the spindle stands; it need not be turned back."""
+        if not self._homed:
+            return 0
+        return round(self._shop.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
+
+    def in_air(self) -> None:
+        """Let the tool learn its path clear of the part."""
+        job = self._job
+        # Some turns of the same feed, over the end of the part.
+        short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
+        shop = replace(self._shop, clamp=lambda _: None, measure=None)
+        for number in range(1, AIR_PASSES + 1):
+            plan = self._planned(short, air_mm=AIR_MM + job.depth_of_cut_mm)
+            watch = _AirWatch(shop.lathe, job.jaws)
+            self._cut(shop, short, plan, "air", watch, number)
+            off = self._off(watch.last())
+            self._path = learned_command(self._path, self._learnable(off), self._response)
+            self._air_um.append(2.0 * abs(off.coefficients_um[job.jaws]))
+
+    def part(self, number: int) -> LearnedPart:
+        """Cut a part, learn within it, and from its trace for the next one."""
+        plan = self._planned(self._job, trimmed=True)
+        watch = _CutLearner(self._shop.lathe, self._job, self._off)
+        outcome = self._cut(self._shop, self._job, plan, "part", watch, number)
+        trace = _measured(outcome.trace)
+        off = watch.off_in_the_middle()
+        gain = FIRST_PART_GAIN if number == 1 else PART_GAIN
+        made = LearnedPart(
+            roundness=evaluated(trace),
+            figures=outcome.figures,
+            path=self._path,
+            trim_um=watch.trim_um,
+            tool_off=off,
+            air_um=tuple(self._air_um) if number == 1 else (),
+            part_gain=gain,
+            collisions=outcome.collisions,
+        )
+        self._path = self._learned(watch.trim_um, trace, off, gain)
+        return made
+
+    def _learned(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> CutPath:
+        """Return the path with the trim in its table, and with what the part has shown."""
+        job = self._job
+        found = fit_harmonics(trace.angle_deg, trace.deviation_um, self._orders)
+        part = Deviation(mean_um=found.mean_um, coefficients_um=self._learnable(found, found.significant()))
+        tool = Deviation(mean_um=off.mean_um, coefficients_um=self._learnable(off))
+        by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
+        folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
+        path = CutPath(wanted=self._path.wanted, command=folded)
+        return learned_part(path, part, tool, self._response, gain)
+
+    def _planned(self, job: Job, *, air_mm: float = 0.0, trimmed: bool = False) -> CutPlan:
+        plan = plan_cut(
+            job,
+            self._machine,
+            Strategy.CAM,
+            from_turn=self._turn(),
+            lease=self._plan.cut.setup.lease,
+            path=self._path,
+            air_mm=air_mm,
+            trimmed=trimmed,
+        )
+        refuse_unless(of_program(plan))
+        return plan
+
+    def _off(self, batch: Batch) -> HarmonicFit:
+        """Return what the tool was off in a batch, positive where it was not in far enough."""
+        wanted_um = self._path.wanted.at_um(batch.angle_deg, batch.past_middle_mm)
+        return fit_harmonics(batch.angle_deg, wanted_um - batch.infeed_um, self._orders)
+
+    @property
+    def _orders(self) -> tuple[int, ...]:
+        lobes = self._job.jaws
+        waves = {*OTHERS, lobes, *(lobes * overtone for overtone in OVERTONES)}
+        return tuple(sorted(waves))
+
+    def _learnable(
+        self, found: HarmonicFit | Deviation, among: Mapping[int, complex] | None = None
+    ) -> dict[int, complex]:
+        """Return the coefficients of the lobe and its overtones."""
+        lobes = self._job.jaws
+        coefficients = found.coefficients_um if among is None else among
+        return {n: c for n, c in coefficients.items() if n % lobes == 0}
+
+    def _response(self, waves: int) -> complex:
+        frequency_hz = waves * self._job.spindle_speed_rpm / 60.0
+        return nominal_response(Strategy.CAM, self._machine, frequency_hz)
+
+
+class _AirWatch:
+    """Gathers one long batch in air."""
+
+    def __init__(self, lathe: Lathe, lobes: int) -> None:
+        self._gather: BatchGather = lathe.batches()
+        self._lobes = lobes
+        self._batches: list[Batch] = []
+
+    def begin(self, plan: CutPlan) -> None:
+        """Set the card up."""
+        self._gather.prepare(plan, self._lobes, AIR_BATCH_S, self._batches.append)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Let the gathering go on."""
+        self._gather.see(snapshot)
+
+    def last(self) -> Batch:
+        """Return what was gathered.
+
+        Raises:
+            SessionError: `learning.nothing_gathered`.
+        """
+        if not self._batches:
+            raise SessionError(Problem(code="learning.nothing_gathered"))
+        return self._batches[-1]
+
+
+class _CutLearner:
+    """Trims a cut by what the tool is off in it, a batch at a time."""
+
+    def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit]) -> None:
+        self._lathe, self._job, self._off = lathe, job, off
+        self._gather = lathe.batches()
+        self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
+        self._found: list[tuple[float, HarmonicFit]] = []
+        self.trim_um = 0j
+
+    def begin(self, plan: CutPlan) -> None:
+        """Set the card up."""
+        self._gather.prepare(plan, self._job.jaws, CUT_BATCH_S, self._take)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Let the gathering go on."""
+        self._gather.see(snapshot)
+
+    def _take(self, batch: Batch) -> None:
+        found = self._off(batch)
+        self._found.append((batch.past_middle_mm, found))
+        error_um = found.coefficients_um[self._job.jaws]
+        self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
+        self._lathe.trim(self.trim_um)
+
+    def off_in_the_middle(self) -> Deviation:
+        """Return what the tool was off where the part is measured.
+
+        Raises:
+            SessionError: `learning.nothing_gathered`.
+        """
+        if not self._found:
+            raise SessionError(Problem(code="learning.nothing_gathered"))
+        _, nearest = min(self._found, key=lambda each: abs(each[0]))
+        return Deviation(mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um)

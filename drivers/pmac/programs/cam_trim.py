@@ -1,0 +1,102 @@
+"""What a cut on a table can learn while it goes on: a small wave of the program, superimposed on the table.
+
+A table cannot be changed while it cuts. So the program adds a wave at the lobe frequency, read once a segment from
+two variables that a host may write at any time: P39 is what is wanted of its cosine, P40 of its sine, in counts
+against the lobe angle of the spindle. What is in effect goes there smoothly, so that no write makes a step, and a
+host that falls silent leaves it as it is. On the way out the wave is faded out with the depth.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
+from drivers.pmac.programs.setup import CutSetup
+from profiles.compensation import LobedPath
+from profiles.job import Job
+
+MOST_TRIM_UM = 8.0
+"""The largest amplitude: some times what the force of a fine cut at the lobe frequency does to a soft servo."""
+
+SMOOTHED_MS = 40.0
+"""Time constant with which the wave goes where it is wanted."""
+
+
+def trim_segment_ms(job: Job) -> int:
+    """Return the longest segment in which cubics keep to the largest wave."""
+    largest = LobedPath(mean_um=0.0, amplitude_um=MOST_TRIM_UM, lobes=job.jaws, crest_deg=0.0)
+    return longest_segment_ms(largest, job.lobe_frequency_hz)
+
+
+def trim_line(trim_um: complex, tool_count_um: float) -> str:
+    """Return the line that asks for the wave Re(c exp(j lobe angle)), c in um; it moves by itself nothing at rest.
+
+    Raises:
+        ValueError: more than `MOST_TRIM_UM`.
+    """
+    if not abs(trim_um) <= MOST_TRIM_UM:
+        raise ValueError(f"a trim of {abs(trim_um):.2f} um; at most {MOST_TRIM_UM:g} um")
+    cosine, sine = trim_um.real / tool_count_um, -trim_um.imag / tool_count_um
+    return f"P39={format_number(round(cosine, 3))} P40={format_number(round(sine, 3))}"
+
+
+def trim_values(job: Job, setup: CutSetup, segment_ms: int, first_spindle: float) -> dict[str, object]:
+    """Return what `TRIM_VALUES`, `TRIMMED_CUT` and `TRIMMED_OUT` are filled with, but for what every cut has."""
+    turns_per_ms = job.spindle_speed_rpm / 60_000.0
+    scales = point_scales(2.0 * math.pi * job.lobe_frequency_hz * segment_ms / 1000.0)
+    lobe_deg = 360.0 * job.jaws
+    return {
+        "position": format_number(scales.position),
+        "step_deg": format_number(lobe_deg * turns_per_ms * segment_ms),
+        "start_deg": format_number(math.fmod(lobe_deg * first_spindle / setup.counts_per_turn, 360.0)),
+        "slope": format_number(scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
+        "share": format_number(round(-math.expm1(-segment_ms / SMOOTHED_MS), 6)),
+    }
+
+
+TRIM_VALUES = """\
+P12={position} ; of the wave that the host may ask for: its points are raised by so much
+P13={step_deg} ; lobe angle of one segment, deg
+P14={start_deg} ; lobe angle at the start, deg
+P15={slope} ; greatest speed of a wave of one count, counts/s
+"""
+
+TRIMMED_CUT = """\
+PVT{segment}
+P25=0
+P30=0 ; turns begun
+P31=0 ; the segment in which the present turn ends
+P36=0 ; cosine and sine of the wave in effect
+P37=0
+P39=0 ; and as the host wants them
+P40=0
+WHILE(P25<P31 OR {go_on} AND P30<P23)
+IF(P25!<P31)
+P30=P30+1
+P31=P30*P32-0.5
+ENDIF
+P25=P25+1
+P41=P14+P13*P25
+P36=P36+(P39-P36)*{share}
+P37=P37+(P40-P37)*{share}
+P38=P15*(P37*COS(P41)-P36*SIN(P41))
+X(P11+P12*(P36*COS(P41)+P37*SIN(P41))):(P38) Y(P28+P16*P25):(P17) Z(P21+P18*P25):(P19)
+ENDWHILE
+P29=P21+P18*P25 ; carriage at the end of the cut
+P33=0
+IF(P30>0) P33=P19
+P34={out_segments} ; the tool goes out, the carriage comes to rest
+WHILE(P34>0)
+P34=P34-1
+P25=P25+1
+P41=P14+P13*P25
+P35=P34/{out_segments} ; from 1 to 0
+P38=P35*P35*(3-2*P35) ; what is left of the path
+P42=P11+P12*(P36*COS(P41)+P37*SIN(P41))-P20
+P24=P15*(P37*COS(P41)-P36*SIN(P41))*P38-P42*6*P35*(1-P35)/{out_ms}*1000
+X(P20+P42*P38):(P24) Y(P28+P16*P25):(P17) Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
+ENDWHILE
+P30=P28+P16*P25
+P29=P29+P33*{out_ms}/3000
+"""

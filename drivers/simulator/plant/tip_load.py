@@ -1,0 +1,146 @@
+"""The cut presses the tool out: what its tip meets in each servo cycle, and the force of that.
+
+The force is that of the fresh strip, which the feed brings under the tool: its depth is from the surface that is
+met there, the blank or what an earlier pass has left, down to the tip. What the land rubs behind it is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.simulator.plant.cutting_force import Material, cutting_force_n
+from drivers.simulator.plant.radial_error import RadialError
+
+CELLS = 360
+"""Places round the part in which the surface is known."""
+
+STRIP_MM = 0.1
+"""Length along Z of a ring of such places. A ring counts as cut when the leading edge of the tool has left it."""
+
+
+class Moving(Protocol):
+    """An axis in the loop of its motor: machine position at the last servo cycle, counts, and its last step."""
+
+    iron: float
+    pace: float
+    cycles_run: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TipGeometry:
+    """Where tip, part and counts are: the radius of the tip at machine zero, and the land of the tool along Z."""
+
+    home_radius_mm: float
+    land_mm: float
+    tool_counts_per_mm: float
+    carriage_counts_per_mm: float
+    spindle_counts_per_turn: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stock:
+    """A clamped blank: `ends_mm` is where it stands along Z, `share` the passive force over the main one."""
+
+    radius_mm: float
+    ends_mm: tuple[float, float]
+    material: Material
+    share: float
+    edge_n_per_mm: float
+
+    def passive_n_per_mm(self, feed_mm_per_turn: float) -> float:
+        """Return the force on the tool for each mm of depth, N: share (kc f^(1 - m) + edge); none without feed."""
+        if feed_mm_per_turn <= 0.0:
+            return 0.0
+        return self.share * (cutting_force_n(1.0, feed_mm_per_turn, self.material) + self.edge_n_per_mm)
+
+
+class TipLoad:
+    """The force on the tool, servo cycle by servo cycle.
+
+    The tool is run before the spindle and the carriage: within a block of cycles these are taken to go on at the
+    pace of their last one, which is a hundredth of a degree at most in a cut.
+    """
+
+    def __init__(self, geometry: TipGeometry, wander: RadialError | None, push_per_n: float) -> None:
+        """`push_per_n` is the acceleration of the slide by one newton, counts/s2."""
+        self.force_n = 0.0
+        self._geometry = geometry
+        self._wander = wander
+        self._push_per_n = push_per_n
+        self._motors: tuple[Moving, Moving, Moving] | None = None
+        self._stock: Stock | None = None
+        self._rings: dict[int, list[float]] = {}
+        self._ring: int | None = None
+        self._met: list[float] = []
+        self._fresh: list[float] = []
+        self._n_per_mm = 0.0
+        self._turns = self._turn_step = 0.0
+        self._cell: int | None = None
+
+    def watch(self, tool: Moving, spindle: Moving, carriage: Moving) -> None:
+        """Look at these motors from now on."""
+        self._motors = tool, spindle, carriage
+
+    def clamp(self, stock: Stock | None) -> None:
+        """Clamp a blank, or take away what is clamped."""
+        self._stock, self._ring, self._cell = stock, None, None
+        self._rings.clear()
+
+    def begin(self) -> None:
+        """Begin a block of servo cycles: see how fast the part turns, and which ring the leading edge is in."""
+        self._n_per_mm = 0.0
+        if self._stock is None or self._motors is None:
+            return
+        tool, spindle, carriage = self._motors
+        geometry, stock = self._geometry, self._stock
+        z_mm = _ahead(carriage, tool.cycles_run) / geometry.carriage_counts_per_mm + 0.5 * geometry.land_mm
+        self._turn_step = spindle.pace / geometry.spindle_counts_per_turn
+        inside = stock.ends_mm[0] <= z_mm <= stock.ends_mm[1]
+        self._enter(int(z_mm // STRIP_MM) if inside else None, stock)
+        if inside and self._turn_step > 0.0:
+            self._turns = _ahead(spindle, tool.cycles_run) / geometry.spindle_counts_per_turn
+            feed_mm = carriage.pace / geometry.carriage_counts_per_mm / self._turn_step
+            self._n_per_mm = stock.passive_n_per_mm(feed_mm)
+        if not self._n_per_mm:
+            self._cell = None
+
+    def push(self, place: float) -> float:
+        """Return what the cut does to the slide at a machine position (counts) in the next cycle, counts/s2."""
+        if not self._n_per_mm:
+            self.force_n = 0.0
+            return 0.0
+        turns = self._turns
+        self._turns = turns + self._turn_step
+        tip_mm = self._geometry.home_radius_mm - place / self._geometry.tool_counts_per_mm
+        if self._wander is not None:
+            tip_mm -= self._wander.at_mm(turns)
+        cell = int(turns * CELLS // 1.0)
+        depth_mm = self._met[cell % CELLS] - tip_mm
+        self._leave(cell, tip_mm)
+        self.force_n = self._n_per_mm * depth_mm if depth_mm > 0.0 else 0.0
+        return -self._push_per_n * self.force_n
+
+    def _leave(self, cell: int, tip_mm: float) -> None:
+        """Turn the places down that the tip has passed since the last cycle."""
+        fresh = self._fresh
+        for each in range(cell if self._cell is None else self._cell + 1, cell + 1):
+            if tip_mm < fresh[each % CELLS]:
+                fresh[each % CELLS] = tip_mm
+        self._cell = cell
+
+    def _enter(self, ring: int | None, stock: Stock) -> None:
+        """Come into a ring: what was cut in the last one is from now on what is met there."""
+        if ring == self._ring:
+            return
+        if self._ring is not None:
+            self._rings[self._ring] = self._fresh
+        self._ring = ring
+        if ring is not None:
+            self._met = self._rings.get(ring) or [stock.radius_mm] * CELLS
+            self._fresh = list(self._met)
+
+
+def _ahead(axis: Moving, cycle: int) -> float:
+    """Return where an axis is in a servo cycle, counts, if it goes on as in its last one."""
+    return axis.iron + axis.pace * (cycle - axis.cycles_run + 1)

@@ -1,0 +1,240 @@
+"""The stiffness of jaw contacts from forces and deflections at the chucked part (Lee & Lee 2001, Figs 2 to 5).
+
+Fitted to M deflections are k of one jaw at 1000 N, alpha of k ~ force^alpha, and the length l of the jaws, with
+the model of `profiles.calibration.contact` (contacts and the bending of a solid bar). Least squares in (ln k,
+alpha, ln l); with the Jacobian J and s^2 the variance of what is left, cov = s^2 (J' J)^-1. Half-widths are for
+95 %, by Student's t; of k and l they are taken over from their logarithms to the first order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.calibration.contact import bending_um, contact_um
+from profiles.calibration.outliers import ROUNDING, outliers
+from profiles.chucking.holding import REFERENCE_FORCE_N
+from profiles.confidence import student
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
+
+LEAST_JAWS = 3
+LEAST_SPARE = 3
+"""Measurements beyond the parameters, at least: with fewer the confidence is a guess."""
+
+LEAST_ALPHA, MOST_ALPHA = 0.02, 0.9
+"""Between a contact that does not stiffen and one that does without end; a fit that runs there says neither."""
+
+_WORST_CONDITION = 100.0
+"""Above this ratio of singular values (of columns of length 1) the parameters can be traded for each other."""
+
+_STARTS_MM = (10.0, 20.0, 40.0, 80.0, 160.0)
+_START_ALPHA = 0.4
+_STEP = 1e-5
+_VARIED_BY = ("load_n", "chucking_force_n, angle_deg", "overhang_mm")
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Anisotropy:
+    """Deflection under a load that goes round: its mean, and peak to peak of it with the half-width, um."""
+
+    mean_um: float
+    pp_um: float
+    pp_ci_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeflectionFit:
+    """The contacts of a chuck. `stiffness_n_per_um` is k of one jaw that holds with `REFERENCE_FORCE_N`.
+
+    `jaw_length_ci` is 0 where the length was given and not fitted. `covariance` is that of (ln k, alpha, ln l),
+    row by row. `sd_um` is what one measurement is off by; `outliers` are places in the table.
+    """
+
+    jaws: int
+    youngs_gpa: float
+    stiffness_n_per_um: float
+    stiffness_ci: float
+    alpha: float
+    alpha_ci: float
+    jaw_length_mm: float
+    jaw_length_ci: float
+    covariance: tuple[float, ...]
+    sd_um: float
+    points: int
+    freedom: int
+    outliers: tuple[int, ...]
+
+    def anisotropy(
+        self, *, chucking_force_n: float, load_n: float, overhang_mm: float, diameter_mm: float
+    ) -> Anisotropy:
+        """Return what a load that goes round a solid bar finds; the force is the total over all jaws."""
+        angle = np.linspace(0.0, 360.0 / self.jaws, 25)
+        sizes = (("chucking_force_n", chucking_force_n), ("load_n", load_n))
+        lengths = (("overhang_mm", overhang_mm), ("diameter_mm", diameter_mm))
+        rows = {key: np.full_like(angle, value) for key, value in (*sizes, *lengths)}
+        model = _Model(rows | {"angle_deg": angle}, self.jaws, self.youngs_gpa, REFERENCE_FORCE_N)
+        at = np.array([math.log(self.stiffness_n_per_um), self.alpha, math.log(self.jaw_length_mm)])
+        round_um = model.at(at)
+        slope = [np.ptp(model.at(at + h)) - np.ptp(model.at(at - h)) for h in _STEP * np.eye(3)]
+        gradient = np.array(slope) / (2 * _STEP)
+        variance = float(gradient @ np.reshape(self.covariance, (3, 3)) @ gradient)
+        return Anisotropy(
+            mean_um=float(round_um[:-1].mean()),
+            pp_um=float(np.ptp(round_um)),
+            pp_ci_um=student(self.freedom) * math.sqrt(max(variance, 0.0)),
+        )
+
+
+def fit_deflection(
+    columns: Mapping[str, Floats], *, jaws: int, youngs_gpa: float, jaw_length_mm: float | None = None
+) -> DeflectionFit:
+    """Return the contacts of a chuck from M measurements.
+
+    Args:
+        columns: shape (M,) each: `chucking_force_n` (total), `load_n`, `angle_deg` (of the load past a jaw),
+            `diameter_mm` of a solid bar, `overhang_mm` and `deflection_um` along the load.
+        jaws: N, at least three: two do not hold sideways.
+        youngs_gpa: of the bar.
+        jaw_length_mm: where it is known, it is not fitted.
+
+    Raises:
+        ProfileError: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
+            `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`,
+            measurements too much alike for all parameters; `calibration.no_alpha`, no stiffening to be seen;
+            `calibration.no_fit`.
+    """
+    free = 2 if jaw_length_mm is not None else 3
+    _refuse_unfit(columns, jaws, youngs_gpa, free)
+    measured = columns["deflection_um"]
+    mean_n = float(np.exp(np.log(columns["chucking_force_n"] / jaws).mean()))
+    model = _Model(columns, jaws, youngs_gpa, mean_n)  # there k and alpha are least entangled
+    start = _start(model, measured, (jaw_length_mm,) if jaw_length_mm is not None else _STARTS_MM)
+    at, jacobian = _solved(model, measured, start, free)
+    freedom = measured.size - free
+    left = measured - model.at(at)
+    sd = math.sqrt(float(left @ left) / freedom)
+    covariance = np.zeros((3, 3))
+    covariance[:free, :free] = sd**2 * np.linalg.inv(jacobian.T @ jacobian)
+    to_reference = np.eye(3)
+    to_reference[0, 1] = math.log(REFERENCE_FORCE_N / mean_n)
+    at, covariance = to_reference @ at, to_reference @ covariance @ to_reference.T
+    half = student(freedom) * np.sqrt(np.diag(covariance))
+    exact = sd <= ROUNDING * float(measured.max())
+    return DeflectionFit(
+        jaws=jaws,
+        youngs_gpa=youngs_gpa,
+        stiffness_n_per_um=math.exp(at[0]),
+        stiffness_ci=math.exp(at[0]) * float(half[0]),
+        alpha=float(at[1]),
+        alpha_ci=float(half[1]),
+        jaw_length_mm=math.exp(at[2]),
+        jaw_length_ci=math.exp(at[2]) * float(half[2]),
+        covariance=tuple(float(each) for each in covariance.flat),
+        sd_um=sd,
+        points=measured.size,
+        freedom=freedom,
+        outliers=() if exact else outliers(jacobian, left),
+    )
+
+
+class _Model:
+    """The deflections of a table of rows as a function of (ln k, alpha, ln l)."""
+
+    def __init__(self, rows: Mapping[str, Floats], jaws: int, youngs_gpa: float, reference_n: float) -> None:
+        self._rows = rows
+        self._jaws = jaws
+        self._force = rows["chucking_force_n"] / jaws
+        self._reference_n = reference_n
+        self.bending_um = bending_um(rows["load_n"], rows["overhang_mm"], rows["diameter_mm"], youngs_gpa)
+
+    def at(self, parameters: Floats) -> Floats:
+        """Return the deflections, um."""
+        log_k, alpha, log_l = (float(each) for each in parameters)
+        found = contact_um(
+            math.exp(log_k) * (self._force / self._reference_n) ** alpha,
+            alpha,
+            math.exp(log_l),
+            jaws=self._jaws,
+            force_per_jaw_n=self._force,
+            load_n=self._rows["load_n"],
+            past_jaw_deg=self._rows["angle_deg"],
+            overhang_mm=self._rows["overhang_mm"],
+        )
+        return found + self.bending_um
+
+
+def _refuse_unfit(columns: Mapping[str, Floats], jaws: int, youngs_gpa: float, free: int) -> None:
+    if jaws < LEAST_JAWS:
+        raise ProfileError(Problem(code="calibration.jaws", value=str(jaws), limit=f">= {LEAST_JAWS}"))
+    positive = {key: column for key, column in columns.items() if key not in ("angle_deg", "overhang_mm")}
+    for key, column in {**positive, "youngs_modulus_gpa": np.array([youngs_gpa])}.items():
+        worst = column[~((column > 0) & np.isfinite(column))]
+        if worst.size:
+            raise ProfileError(
+                Problem(code="calibration.not_positive", key=key, value=f"{worst[0]:g}", limit="> 0")
+            )
+    points = columns["deflection_um"].size
+    if points < free + LEAST_SPARE:
+        limit = f">= {free + LEAST_SPARE}"
+        raise ProfileError(Problem(code="calibration.few_points", value=str(points), limit=limit))
+
+
+def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Floats:
+    """Return the best start of a few lengths; contacts give way in proportion to 1 / k, which settles k."""
+    wanted = measured - model.bending_um
+    if wanted.mean() <= 0:
+        value, limit = f"{model.bending_um.mean():.4g} um", f"< {measured.mean():.4g} um"
+        raise ProfileError(Problem(code="calibration.bending", value=value, limit=limit))
+    found: list[tuple[float, Floats]] = []
+    for length_mm in lengths_mm:
+        at = np.array([0.0, _START_ALPHA, math.log(length_mm)])
+        soft = model.at(at) - model.bending_um
+        k = float(soft @ soft) / max(float(soft @ wanted), ROUNDING)
+        at[0] = math.log(k)
+        found.append((float(np.sum((wanted - soft / k) ** 2)), at))
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _solved(model: _Model, measured: Floats, start: Floats, free: int) -> tuple[Floats, Floats]:
+    """Return the parameters, shape (3,), and the Jacobian of the free ones, shape (M, free)."""
+    from scipy.optimize import least_squares
+
+    def left(parameters: Floats) -> Floats:
+        return model.at(np.concatenate([parameters, start[free:]])) - measured
+
+    low, high = [-20.0, LEAST_ALPHA, -5.0][:free], [20.0, MOST_ALPHA, 10.0][:free]
+    done = least_squares(
+        left, start[:free], jac="3-point", bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12
+    )
+    if not done.success:
+        raise ProfileError(Problem(code="calibration.no_fit", value=printable(str(done.message))))
+    jacobian = np.asarray(done.jac, dtype=np.float64)
+    _refuse_dependent(jacobian)
+    if not LEAST_ALPHA + _STEP < done.x[1] < MOST_ALPHA - _STEP:
+        value, limit = f"{done.x[1]:.3g}", f"> {LEAST_ALPHA:g}, < {MOST_ALPHA:g}"
+        raise ProfileError(Problem(code="calibration.no_alpha", key="alpha", value=value, limit=limit))
+    return np.concatenate([done.x, start[free:]]), jacobian
+
+
+def _refuse_dependent(jacobian: Floats) -> None:
+    sizes = np.linalg.norm(jacobian, axis=0)
+    _, values, directions = np.linalg.svd(jacobian / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
+    if values[-1] * _WORST_CONDITION < values[0]:
+        weakest = np.abs(directions[-1])
+        varied = _VARIED_BY[1 + int(np.argmax(weakest[1:]))]  # k itself is never what should be varied
+        condition = values[0] / values[-1] if values[-1] else math.inf
+        raise ProfileError(
+            Problem(
+                code="calibration.dependent",
+                key=varied,
+                value=f"{condition:.3g}",
+                limit=f"<= {_WORST_CONDITION:g}",
+            )
+        )

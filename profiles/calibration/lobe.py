@@ -1,0 +1,148 @@
+"""The lobe error of a job from the trace of a part that was cut as the job says, without compensation.
+
+The trace says in its header lines which way its angles run and where they begin; without both the crest has no
+place on the spindle, and only the amplitude is known. Where the trace counts from jaw 1, the job has that.
+
+Problem codes: `lobe.phase_unknown`, `lobe.not_significant`, `lobe.not_free`, `lobe.method`; as a warning also
+`lobe.filtered`, `lobe.undeclared`, `lobe.biased`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from profiles.job import Job
+from profiles.lobe_fit import LobeFit, fit_lobe
+from profiles.metrology.filters import gaussian_transmission
+from profiles.problem import Problem
+from profiles.trace_files.header import TraceHeader, header_of
+from profiles.traces import Trace
+
+INDEX = "spindle index"
+"""What the header line `start_mark` says when the angles of the trace begin where those of the spindle do."""
+
+MOST_FILTERED = 0.005
+MOST_BIAS = 0.01
+UNDECLARED = 3.0
+"""Times the noise floor above which a wave that was not fitted is told."""
+
+_CONDITIONS = {
+    "lobe_force_n": "chucking_force_n",
+    "lobe_spindle_speed_rpm": "spindle_speed_rpm",
+    "lobe_overhang_mm": "overhang_mm",
+    "lobe_wall_thickness_mm": "wall_thickness_mm",
+    "lobe_diameter_mm": "diameter_mm",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundLobe:
+    """The lobe of a part: the fit, and what it means for the job.
+
+    `crest_deg` is where the released part is high, in spindle degrees in [0, 360), None where that is not known.
+    `past_jaw_deg` is the crest nearest to jaw 1 from there, positive in the direction of the cut, None where the
+    angle of jaw 1 is not known. `phase_assumed`: the crest is known from jaw 1, which is where the job assumes it.
+    `reasons` are why a job cannot be given this lobe; `warnings` do not spoil it.
+    """
+
+    fit: LobeFit
+    crest_deg: float | None
+    past_jaw_deg: float | None
+    phase_assumed: bool = False
+    reasons: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+
+
+def find_lobe(trace: Trace, job: Job, *, extra: Iterable[int] = (), robust: bool = False) -> FoundLobe:
+    """Return the lobe in a trace of a part of this job.
+
+    Raises:
+        ProfileError: what `fit_lobe` refuses.
+    """
+    header, unusable = header_of(trace.meta)
+    fit = fit_lobe(trace.angle_deg, trace.deviation_um, job.jaws, extra=extra, robust=robust)
+    from_index = trace.meta.get("start_mark") == INDEX
+    crest_deg, past_deg = _on_the_spindle(fit, header, job, from_index)
+    return FoundLobe(
+        fit=fit,
+        crest_deg=crest_deg,
+        past_jaw_deg=past_deg,
+        phase_assumed=crest_deg is not None and not from_index and not _jaw_known(job),
+        reasons=tuple(_reasons(fit, header, crest_deg)),
+        warnings=(*unusable, *_warnings(fit, header)),
+    )
+
+
+def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
+    """Return the job with this lobe as its error, fitted in a cut with its own force, speed, lengths and tools.
+
+    `chuck` and `tool` are their names in the machine, "" where they have none. `found` must have no reasons.
+    A condition that the job only assumes stays assumed.
+    """
+    if found.crest_deg is None or found.reasons:
+        raise ValueError(found.reasons)
+    assumed = {name for name in job.assumed if not name.startswith("lobe_")}
+    assumed |= {lobe for lobe, own in _CONDITIONS.items() if own in assumed}
+    if found.phase_assumed:
+        assumed.add("lobe_phase_deg")
+    return replace(
+        job,
+        lobe_error_um_pp=found.fit.error_um_pp,
+        lobe_phase_deg=found.crest_deg,
+        lobe_past_jaw_deg=found.past_jaw_deg,
+        lobe_error_source="fitted",
+        lobe_chuck=chuck or None,
+        lobe_tool=tool or None,
+        assumed=tuple(sorted(assumed)),
+        **{lobe: getattr(job, own) for lobe, own in _CONDITIONS.items()},
+    )
+
+
+def _jaw_known(job: Job) -> bool:
+    """Whether the job knows the spindle angle of jaw 1: a crest that was found from the index alone is none."""
+    at_crest = job.lobe_past_jaw_deg is None and job.lobe_error_source == "fitted"
+    return "lobe_phase_deg" not in job.assumed and not at_crest
+
+
+def _on_the_spindle(
+    fit: LobeFit, header: TraceHeader, job: Job, from_index: bool
+) -> tuple[float | None, float | None]:
+    """Return the crest in spindle degrees, and past jaw 1; None for what is not known."""
+    if header.direction is None or not (from_index or header.phase_known):
+        return None, None
+    sign = -1.0 if header.against_spindle else 1.0
+    crest_deg = sign * fit.lobe.crest_deg
+    jaw_deg = None if header.jaw_1_deg is None else sign * header.jaw_1_deg
+    if jaw_deg is None and _jaw_known(job):
+        jaw_deg = job.jaw_1_deg
+    if jaw_deg is None:
+        return crest_deg % 360.0, None
+    lobe_deg = 360.0 / job.jaws
+    past_deg = (crest_deg - jaw_deg + 0.5 * lobe_deg) % lobe_deg - 0.5 * lobe_deg
+    return ((jaw_deg if from_index else job.jaw_1_deg) + past_deg) % 360.0, past_deg
+
+
+def _reasons(fit: LobeFit, header: TraceHeader, crest_deg: float | None) -> Iterable[Problem]:
+    if header.state == "clamped":
+        yield Problem(code="lobe.not_free", key="state", value=header.state, limit="free")
+    if header.method not in (None, "radial"):
+        yield Problem(code="lobe.method", key="method", value=header.method or "", limit="radial")
+    if not fit.lobe.significant:
+        value, limit = f"{fit.lobe.amplitude_um:.3g} um", f"{fit.lobe.sd_um:.3g} um"
+        yield Problem(code="lobe.not_significant", value=value, limit=limit)
+    if crest_deg is None:
+        yield Problem(code="lobe.phase_unknown", limit="direction, jaw_1_deg")
+
+
+def _warnings(fit: LobeFit, header: TraceHeader) -> Iterable[Problem]:
+    if header.filter_upr is not None:
+        lost = 1.0 - float(gaussian_transmission(fit.jaws, header.filter_upr))
+        if lost > MOST_FILTERED:
+            value, limit = f"{100 * lost:.2g} %", f"{header.filter_upr:g} UPR"
+            yield Problem(code="lobe.filtered", key="filter_upr", value=value, limit=limit)
+    if fit.left_um > UNDECLARED * fit.floor_um:
+        value, limit = f"{fit.left_um:.3g} um", f"{fit.floor_um:.3g} um"
+        yield Problem(code="lobe.undeclared", key=str(fit.left_n), value=value, limit=limit)
+    if fit.lobe.significant and fit.lobe.bias_um > MOST_BIAS * fit.lobe.amplitude_um:
+        yield Problem(code="lobe.biased", value=f"{fit.lobe.bias_um:.3g} um", limit=f"{100 * MOST_BIAS:g} %")

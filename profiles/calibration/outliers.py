@@ -1,0 +1,29 @@
+"""Measurements that do not belong to the others."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.confidence import CONFIDENCE, student
+
+Floats = NDArray[np.float64]
+
+ROUNDING = 1e-9
+"""Share of the largest measurement below which what a fit leaves is rounding: there is nothing to judge."""
+
+
+def outliers(design: Floats, left: Floats) -> tuple[int, ...]:
+    """Return the places of residuals that chance would give in one of twenty tables.
+
+    `design` has shape (M, k), `left` (M,) is what the fit leaves. Each residual is studentised by the fit of the
+    others; Student's t with M - k - 1 degrees of freedom, divided among M after Bonferroni.
+    """
+    spread = np.linalg.inv(design.T @ design)
+    freedom = left.size - design.shape[1] - 1
+    spared = 1.0 - np.einsum("ij,jk,ik->i", design, spread, design)
+    with np.errstate(all="ignore"):  # a measurement that alone decides a parameter leaves 0 of 0
+        others = (float(left @ left) - left**2 / spared) / freedom
+        limit = student(freedom, (1.0 - CONFIDENCE) / left.size)
+        found = left**2 > limit**2 * np.maximum(others, 0.0) * spared
+    return tuple(int(place) for place in np.flatnonzero(found & (spared > ROUNDING)))

@@ -1,0 +1,229 @@
+"""Reading a table of measurements as a spreadsheet exports it.
+
+Cells are separated by semicolons, tabs or commas; with the first two, numbers may have a decimal comma. The header
+names the columns with their units ("Torque (N m)" is `torque_n_m`); lines `# key: value` before it say what holds
+for all rows. A byte order mark, quotes, empty lines and empty cells behind a row are taken. What a kind of table
+does not know is left out, and its name told. Anything else is refused with its line, all problems (up to a cap) at
+once.
+
+Problem codes: `calibration.unreadable`, `calibration.too_large`, `calibration.not_text`, `calibration.columns`,
+`calibration.cells`, `calibration.not_number`, `calibration.out_of_range`, `calibration.mixed_decimals`,
+`calibration.meta`.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.fields import Field, fault
+from profiles.files import printable, read_regular_file
+from profiles.problem import Problem, ProfileError
+
+CAP_BYTES = 10_000_000
+_PROBLEM_CAP = 20
+_SEPARATORS = (";", "\t", ",")
+_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
+
+Floats = NDArray[np.float64]
+
+
+class CalibrationKind(StrEnum):
+    """What was measured: force by the torque of the wrench, or deflection by force, load, angle and size."""
+
+    WRENCH = "wrench"
+    DEFLECTION = "deflection"
+
+
+COLUMNS: Mapping[CalibrationKind, tuple[Field, ...]] = {
+    CalibrationKind.WRENCH: (
+        Field(key="torque_n_m", unit="N m", above=0, at_most=10_000),
+        Field(key="force_n", unit="N", above=0, at_most=1_000_000),
+    ),
+    CalibrationKind.DEFLECTION: (
+        Field(key="chucking_force_n", unit="N", above=0, at_most=1_000_000),
+        Field(key="load_n", unit="N", above=0, at_most=100_000),
+        Field(key="angle_deg", unit="deg", at_least=-360, at_most=360),
+        Field(key="diameter_mm", unit="mm", above=0, at_most=1000),
+        Field(key="overhang_mm", unit="mm", at_least=0, at_most=2000),
+        Field(key="deflection_um", unit="um", above=0, at_most=100_000),
+    ),
+}
+"""The columns of each kind. Forces of the chuck are totals over all jaws; angles count from a jaw."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeasuredTable:
+    """M rows of measurements. `columns` have shape (M,) each; `lines` are their line numbers in the file.
+
+    `meta` are the values of the `# key: value` lines, `ignored` the columns that were not used.
+    """
+
+    kind: CalibrationKind
+    columns: Mapping[str, Floats]
+    lines: tuple[int, ...]
+    meta: Mapping[str, str]
+    ignored: tuple[str, ...]
+    sha256: str
+
+
+def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable:
+    """Return the measurements in a file; without a `kind`, of the one whose columns it has.
+
+    Raises:
+        ProfileError: every problem of it; see the module.
+    """
+    content = read_regular_file(path, cap_bytes=CAP_BYTES, area="calibration")
+    return parse_table(content, kind, where=printable(str(path)))
+
+
+def parse_table(content: bytes, kind: CalibrationKind | None = None, *, where: str = "") -> MeasuredTable:
+    """Return the measurements in the bytes of a file; `where` names it in the problems."""
+    reader = _Reader(where, tuple(CalibrationKind) if kind is None else (kind,))
+    for number, line in enumerate(_text(content, where).split("\n"), start=1):
+        stripped = line.strip(" \r")
+        if stripped.strip(";,\t"):
+            reader.take(number, stripped)
+        if len(reader.problems) >= _PROBLEM_CAP:
+            break
+    return reader.finished(hashlib.sha256(content).hexdigest())
+
+
+def _text(content: bytes, where: str) -> str:
+    encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        value = f"0x{content[error.start]:02x}"
+        raise ProfileError(Problem(code="calibration.not_text", where=f"{where}:{line}", value=value)) from error
+
+
+def column_name(header: str) -> str:
+    """Return a heading as our keys are spelled: "Torque [N·m]" and "torque Nm" are `torque_n_m`."""
+    plain = header.strip().lower().replace("µ", "u").replace("μ", "u").replace("°", "deg")
+    return re.sub(r"_nm$", "_n_m", re.sub(r"[^a-z0-9]+", "_", plain).strip("_"))
+
+
+class _Reader:
+    """Takes the lines of one file in turn; collects rows and problems."""
+
+    def __init__(self, where: str, kinds: tuple[CalibrationKind, ...]) -> None:
+        self.problems: list[Problem] = []
+        self._where = where
+        self._kinds = kinds
+        self._kind: CalibrationKind | None = None
+        self._separator = ""
+        self._names: list[str] = []
+        self._ignored: tuple[str, ...] = ()
+        self._meta: dict[str, str] = {}
+        self._rows: list[list[float]] = []
+        self._lines: list[int] = []
+        self._decimals: dict[str, int] = {}
+
+    def take(self, number: int, line: str) -> None:
+        if line.startswith("#"):
+            if not self._names:
+                self._take_meta(number, line.rstrip(";,\t"))
+        elif not self._names:
+            self._take_header(number, line)
+        elif self._kind is not None:
+            self._take_row(number, line, self._kind)
+
+    def finished(self, sha256: str) -> MeasuredTable:
+        if not self._names and not self.problems:
+            self.problems.append(Problem(code="calibration.columns", where=self._where, limit=self._wanted()))
+        if len(self._decimals) > 1:
+            met = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
+            self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=met))
+        if self.problems or self._kind is None:
+            raise ProfileError(*self.problems)
+        fields = COLUMNS[self._kind]
+        values = np.array(self._rows, dtype=np.float64).reshape(-1, len(fields))
+        return MeasuredTable(
+            kind=self._kind,
+            columns={field.key: values[:, place] for place, field in enumerate(fields)},
+            lines=tuple(self._lines),
+            meta=self._meta,
+            ignored=self._ignored,
+            sha256=sha256,
+        )
+
+    def _take_meta(self, number: int, line: str) -> None:
+        key, colon, value = (part.strip() for part in line.lstrip("#").partition(":"))
+        if not colon:
+            return  # a remark for people
+        name = column_name(key)
+        if not name or name in self._meta or not value.isprintable():
+            self._refuse("calibration.meta", number, value=line, limit="# key: value")
+            return
+        self._meta[name] = value
+
+    def _take_header(self, number: int, line: str) -> None:
+        for separator in _SEPARATORS:
+            names = [column_name(cell) for cell in _cells(line, separator)]
+            for kind in self._kinds:
+                wanted = [field.key for field in COLUMNS[kind]]
+                if all(names.count(key) == 1 for key in wanted):
+                    self._kind, self._separator, self._names = kind, separator, names
+                    self._ignored = tuple(name for name in names if name and name not in wanted)
+                    return
+        self._names = ["-"]  # the header was met, and says nothing: the rows are not judged
+        self._refuse("calibration.columns", number, value=line, limit=self._wanted())
+
+    def _take_row(self, number: int, line: str, kind: CalibrationKind) -> None:
+        cells = _cells(line, self._separator)
+        while len(cells) > len(self._names) and not cells[-1]:
+            cells.pop()
+        if len(cells) != len(self._names):
+            self._refuse("calibration.cells", number, value=str(len(cells)), limit=str(len(self._names)))
+            return
+        row = []
+        for field in COLUMNS[kind]:
+            cell = cells[self._names.index(field.key)]
+            value = self._number(number, cell)
+            if value is None:
+                self._refuse("calibration.not_number", number, key=field.key, value=cell, limit=field.limit)
+            elif fault(field, value):
+                self._refuse("calibration.out_of_range", number, key=field.key, value=cell, limit=field.limit)
+            else:
+                row.append(value)
+        if len(row) == len(COLUMNS[kind]):
+            self._rows.append(row)
+            self._lines.append(number)
+
+    def _number(self, number: int, cell: str) -> float | None:
+        if len(cell) > 60:
+            return None
+        if self._separator != "," and _COMMA.fullmatch(cell):
+            self._decimals.setdefault(",", number)
+            return float(cell.replace(",", "."))
+        if not _POINT.fullmatch(cell):
+            return None
+        if "." in cell:
+            self._decimals.setdefault(".", number)
+        return float(cell)
+
+    def _wanted(self) -> str:
+        return " | ".join(",".join(field.key for field in COLUMNS[kind]) for kind in self._kinds)
+
+    def _refuse(self, code: str, number: int, *, key: str = "", value: str = "", limit: str = "") -> None:
+        where, shown = f"{self._where}:{number}", printable(value, 60)
+        self.problems.append(Problem(code=code, where=where, key=key, value=shown or '""', limit=limit))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    try:
+        cells: Iterable[str] = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    except csv.Error:  # then the quotes are no quotes, and the cells are refused as they stand
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]

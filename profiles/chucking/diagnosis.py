@@ -1,0 +1,49 @@
+"""Clamping or compliance? The sign of the lobe at the jaws tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+CLEAR_DEG = 45.0
+"""How far, in degrees of lobe, a crest or a valley may stand from the jaws and still be at them."""
+
+
+class Mechanism(StrEnum):
+    """What makes a lobe."""
+
+    SPRING_BACK = "spring_back"
+    WALL = "wall_compliance"
+    CONTACT = "contact_compliance"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """Where the part is high, in degrees of lobe from the jaws (-180 to 180), and what that speaks for.
+
+    `mechanism` is None where the lobe stands neither way, a quarter of a lobe off: jaw 1 is marked wrongly, or the
+    part swings near its resonance (Eq 3). `high_at_jaws` is then None, too.
+    """
+
+    lobe_phase_deg: float
+    high_at_jaws: bool | None
+    mechanism: Mechanism | None
+
+
+def diagnose(*, crest_deg: float, jaw_1_deg: float, jaws: int, thin: bool) -> Diagnosis:
+    """Return what a measured lobe speaks for; angles are spindle angles in degrees.
+
+    A thin part that was clamped out of round and turned round is HIGH at the jaws after release. A wall that gives
+    way between the jaws is cut less there: LOW at the jaws. A stiff bar gives way least where a jaw is opposite to
+    the force (Fig 3), and the tool pushes from the other side: an odd number of jaws makes it HIGH at the jaws, an
+    even one LOW.
+    """
+    phase_deg = (jaws * (crest_deg - jaw_1_deg) + 180) % 360 - 180
+    high = abs(phase_deg) <= CLEAR_DEG
+    if not high and abs(phase_deg) < 180 - CLEAR_DEG:
+        return Diagnosis(lobe_phase_deg=phase_deg, high_at_jaws=None, mechanism=None)
+    if thin:
+        mechanism: Mechanism | None = Mechanism.SPRING_BACK if high else Mechanism.WALL
+    else:
+        mechanism = Mechanism.CONTACT if high == (jaws % 2 == 1) else None
+    return Diagnosis(lobe_phase_deg=phase_deg, high_at_jaws=high, mechanism=mechanism)

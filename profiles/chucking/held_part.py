@@ -1,0 +1,148 @@
+"""One part in its chuck under its cut: what makes it out of round, and how far it gives way.
+
+A thin part (wall below a fifth of the radius) springs back and gives way between the jaws; a bar stands in
+contacts that stiffen with load, and bends as a cantilever. Angles are from jaw 1, in degrees; Z is from the jaw
+faces, in mm, positive towards the free end; deviations of the released part are in um, positive where it is high.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.chucking.contact import (
+    MINDLIN_RATIO,
+    Contact,
+    Overhung,
+    cantilever_um,
+    overhung_deflection,
+    stiffness_at,
+)
+from profiles.chucking.diagnosis import Mechanism
+from profiles.chucking.holding import REFERENCE_FORCE_N, Holding
+from profiles.chucking.ring import is_thin
+from profiles.chucking.tube import Tube, axial_share, spring_back_um, wall_compliance_um_per_n
+from profiles.cutting import CuttingForce
+from profiles.job import Job
+from profiles.materials import Material
+
+FloatArray = NDArray[np.float64]
+
+BAR_DAMPING, WALL_DAMPING = 0.03, 0.02
+"""Damping ratios of a bar in a chuck and of a thin wall, as they are usual."""
+
+_TURN_DEG = np.arange(0.0, 360.0, 5.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldPart:
+    """A job in the jaws of a machine. `per_jaw_n` is the force on one jaw at speed."""
+
+    job: Job
+    material: Material
+    holding: Holding
+    force: CuttingForce
+    per_jaw_n: float
+
+    @property
+    def thin(self) -> bool:
+        """Whether the part bends as a ring."""
+        return is_thin(self.job.wall_thickness_mm, self.job.radius_mm)
+
+    @property
+    def tube(self) -> Tube:
+        """The part as a tube that ends behind the jaws."""
+        return Tube(
+            outside_mm=self.job.diameter_mm,
+            wall_mm=self.job.wall_thickness_mm,
+            grip_mm=self.holding.jaw_length_mm,
+            overhang_mm=self.job.overhang_mm,
+            material=self.material,
+        )
+
+    @cached_property
+    def contact(self) -> Contact:
+        """The contacts of the jaws at the force that presses them at speed."""
+        alpha = self.holding.contact_exponent
+        return Contact(
+            jaws=self.job.jaws,
+            stiffness_n_per_um=stiffness_at(
+                self.holding.stiffness_n_per_um, REFERENCE_FORCE_N, self.per_jaw_n, alpha
+            ),
+            force_per_jaw_n=self.per_jaw_n,
+            alpha=alpha,
+            # Three jaws and more hold every direction by what presses; two hold sideways by friction alone.
+            tangential_ratio=MINDLIN_RATIO if self.job.jaws == 2 else 0.0,
+        )
+
+    def turned_down(self, depth_mm: float) -> HeldPart:
+        """Return the part after a cut of this depth on the radius, at the same force."""
+        smaller = replace(
+            self.job,
+            diameter_mm=self.job.diameter_mm - 2 * depth_mm,
+            wall_thickness_mm=self.job.wall_thickness_mm - depth_mm,
+        )
+        return replace(self, job=smaller)
+
+    def error_parts_um(self, angle_deg: FloatArray, z_mm: FloatArray) -> dict[Mechanism, FloatArray]:
+        """Return the deviation that each mechanism leaves, shape (Z, angle), mean 0 over a turn."""
+        if not self.thin:
+            return {Mechanism.CONTACT: _levelled(self._bar_um(angle_deg, z_mm)[0])}
+        tube, jaws = self.tube, self.job.jaws
+        sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z_mm)
+        wall = self.force.passive_n * wall_compliance_um_per_n(tube.bent(jaws), jaws, angle_deg)
+        along = axial_share(tube, jaws, z_mm)
+        return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _levelled(np.outer(along, wall))}
+
+    def size_um(self, z_mm: FloatArray) -> FloatArray:
+        """Return by how much the radius comes out too large, shape (Z,): what gives way is not cut."""
+        if self.thin:
+            return np.full(z_mm.shape, self.compliance_um_per_n * self.force.passive_n)
+        bore_mm = self.job.diameter_mm - 2 * self.job.wall_thickness_mm
+        bent = cantilever_um(self.material, self.job.diameter_mm, z_mm, self.force.passive_n, bore_mm=bore_mm)
+        return np.asarray(self._bar_um(_TURN_DEG, z_mm)[0].mean(axis=1) + bent)
+
+    def lifted(self) -> bool:
+        """Whether a jaw edge lets go of a bar under the cut at the free end."""
+        return not self.thin and bool(self._bar_um(_TURN_DEG, np.array([self.job.overhang_mm]))[1].any())
+
+    @cached_property
+    def compliance_um_per_n(self) -> float:
+        """Return how far the part gives way to one newton of radial force, mean over a turn, at the free end."""
+        if self.thin:
+            jaws = self.job.jaws
+            return float(wall_compliance_um_per_n(self.tube.bent(jaws), jaws, _TURN_DEG).mean())
+        return float(self.size_um(np.array([self.job.overhang_mm]))[0]) / self.force.passive_n
+
+    @property
+    def softest_n_per_um(self) -> float:
+        """The stiffness of the part where it is softest."""
+        if self.thin:
+            ring = self.tube.bent(self.job.jaws)
+            return 1 / float(wall_compliance_um_per_n(ring, self.job.jaws, _TURN_DEG).max())
+        return 1 / self.compliance_um_per_n
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio of the part where it stands."""
+        return WALL_DAMPING if self.thin else BAR_DAMPING
+
+    def _bar_um(self, angle_deg: FloatArray, z_mm: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return how far a bar goes away from a tool at (Z, angle), and where a jaw edge lets go.
+
+        A tool at an angle pushes towards the opposite side.
+        """
+        moved, lifted = [], []
+        for z in z_mm:
+            place = Overhung(jaw_length_mm=self.holding.jaw_length_mm, overhang_mm=float(z))
+            found = overhung_deflection(self.contact, place, self.force.passive_n, angle_deg + 180.0)
+            moved.append(found.along_um)
+            lifted.append(found.lifted)
+        return np.stack(moved), np.stack(lifted)
+
+
+def _levelled(values: FloatArray) -> FloatArray:
+    return np.asarray(values - values.mean(axis=1, keepdims=True), dtype=np.float64)

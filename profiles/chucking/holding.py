@@ -1,0 +1,62 @@
+"""What a machine profile says of its jaws, completed by usual values, with the names of what was assumed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from profiles.chucking.wrench import Wrench
+from profiles.machine import MachineProfile
+
+JAW_LENGTH_MM = 40.0
+JAW_STIFFNESS_N_PER_UM = 50.0
+REFERENCE_FORCE_N = 1000.0
+"""Force on one jaw at which its stiffness is stated."""
+
+CONTACT_EXPONENT = 0.5
+"""alpha of k ~ F^alpha: 1/3 for Hertz's smooth bodies, 1/2 for rough surfaces."""
+
+FRICTION = 0.12
+"""Smooth jaws: 0.1 to 0.15."""
+
+FORCE_SD_PERCENT = 5.0
+"""Scatter from one clamping to the next with a wrench at its best."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Holding:
+    """The jaws as the predictions take them. `assumed` names the keys ("chuck.jaw_length_mm") nobody gave.
+
+    `stiffness_n_per_um` is one jaw's at `REFERENCE_FORCE_N`. `wrench` is None without a calibration.
+    """
+
+    jaw_length_mm: float
+    stiffness_n_per_um: float
+    contact_exponent: float
+    friction: float
+    force_sd_share: float
+    wrench: Wrench | None
+    assumed: tuple[str, ...]
+
+
+def holding_of(machine: MachineProfile) -> Holding:
+    """Return the jaws of a machine."""
+    chuck = machine.chuck
+    given = {
+        "jaw_length_mm": (chuck.jaw_length_mm, JAW_LENGTH_MM),
+        "jaw_stiffness_n_per_um": (chuck.jaw_stiffness_n_per_um, JAW_STIFFNESS_N_PER_UM),
+        "jaw_contact_exponent": (chuck.jaw_contact_exponent, CONTACT_EXPONENT),
+        "jaw_friction": (chuck.jaw_friction, FRICTION),
+        "force_sd_percent": (chuck.force_sd_percent, FORCE_SD_PERCENT),
+    }
+    used = {key: usual if said is None else said for key, (said, usual) in given.items()}
+    sd_share = used["force_sd_percent"] / 100
+    slope = chuck.force_per_torque_n_per_n_m
+    return Holding(
+        jaw_length_mm=used["jaw_length_mm"],
+        stiffness_n_per_um=used["jaw_stiffness_n_per_um"],
+        contact_exponent=used["jaw_contact_exponent"],
+        friction=used["jaw_friction"],
+        force_sd_share=sd_share,
+        wrench=None if slope is None else Wrench(force_per_torque_n_per_n_m=slope, sd_share=sd_share),
+        assumed=tuple(f"chuck.{key}" for key, (said, _) in given.items() if said is None),
+    )

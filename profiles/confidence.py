@@ -1,0 +1,19 @@
+"""Student's t and Fisher's F at the one confidence that is used everywhere."""
+
+from __future__ import annotations
+
+CONFIDENCE = 0.95
+
+
+def student(freedom: float, chance: float = 1.0 - CONFIDENCE) -> float:
+    """Return by how many standard errors a half-width reaches out: both tails of t together hold `chance`."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, 1.0 - 0.5 * chance))
+
+
+def chance_of(ratio: float, added: int, freedom: float) -> float:
+    """Return how often chance alone gives an F of `ratio` or more, `added` over `freedom` degrees of freedom."""
+    from scipy.special import fdtrc
+
+    return float(fdtrc(added, freedom, ratio))

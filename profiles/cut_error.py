@@ -1,0 +1,73 @@
+"""The error in the middle of a cut: what makes most of it, where it is high, and how it compares with the part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.chucking.diagnosis import Mechanism
+from profiles.chucking.held_part import HeldPart
+from profiles.job import Job
+
+FloatArray = NDArray[np.float64]
+
+_TURN_DEG = np.arange(360.0)
+_NO_LOBE_UM = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutError:
+    """The error of the released part `z_mm` in front of the jaws.
+
+    `mechanism` makes most of it, `spring_back_um_pp` is that part alone. `amplitude_um` and `crest_deg` (spindle
+    angle, None without a lobe) are those of N waves a turn. `sd_um_pp` is what the spread of the chucking force
+    makes of it. `measured_um_pp` is the job's own error where it was measured, and `matching_force_n` the total
+    force at rest at which a part that springs back would show it; None else.
+    """
+
+    z_mm: float
+    um_pp: float
+    mechanism: Mechanism
+    spring_back_um_pp: float
+    amplitude_um: float
+    crest_deg: float | None
+    sd_um_pp: float
+    measured_um_pp: float | None
+    matching_force_n: float | None
+
+
+def cut_error(part: HeldPart, loss_n: float) -> CutError:
+    """Return the error in the middle of the cut; `loss_n` is the total force that rotation has taken."""
+    job, jaws = part.job, part.job.jaws
+    parts = part.error_parts_um(_TURN_DEG, np.array([middle_mm(job)]))
+    turn = np.sum(list(parts.values()), axis=0)[0]
+    um_pp = float(np.ptp(turn))
+    sprung = parts.get(Mechanism.SPRING_BACK)
+    sprung_um = 0.0 if sprung is None else float(np.ptp(sprung))
+    wave = complex(2 / _TURN_DEG.size * np.sum(turn * np.exp(-1j * jaws * np.radians(_TURN_DEG))))
+    crest_deg = job.jaw_1_deg - float(np.degrees(np.angle(wave))) / jaws
+    largest = max(parts, key=lambda which: float(np.ptp(parts[which])))
+    at_speed_n = part.per_jaw_n * jaws
+    measured = job.lobe_error_um_pp if job.lobe_error_source == "measured" else None
+    matching = None
+    if measured is not None and largest is Mechanism.SPRING_BACK:
+        # The spring-back grows with the force; what the wall takes from it does not.
+        matching = loss_n + at_speed_n * (measured + sprung_um - um_pp) / sprung_um
+    return CutError(
+        z_mm=middle_mm(job),
+        um_pp=um_pp,
+        mechanism=largest,
+        spring_back_um_pp=sprung_um,
+        amplitude_um=abs(wave),
+        crest_deg=crest_deg if abs(wave) > _NO_LOBE_UM else None,
+        sd_um_pp=sprung_um * part.holding.force_sd_share * job.chucking_force_n / at_speed_n,
+        measured_um_pp=measured,
+        matching_force_n=matching,
+    )
+
+
+def middle_mm(job: Job) -> float:
+    """Return the middle of the cut, in mm from the jaw faces."""
+    return job.overhang_mm - job.cut_length_mm / 2

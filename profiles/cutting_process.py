@@ -1,0 +1,87 @@
+"""How the cut of a job behaves: force, copying, what a lobed blank does to the tool, when it chatters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from profiles.chucking.held_part import HeldPart
+from profiles.cutting import (
+    Copying,
+    CuttingForce,
+    chatter_limit_mm,
+    copying,
+    nearest_mode,
+    radial_cutting_stiffness_n_per_mm2,
+)
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.rules import Finding, Severity
+from profiles.tool_stiffness import tool_compliance_um_per_n
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CuttingProcess:
+    """The process of one cut.
+
+    `lobed_force_n` is the amplitude of the radial force on a blank as lobed as the predicted error, and
+    `lobed_motion_um` how far the tool gives way to it at the lobe frequency. `chatter_limit_mm` is the width of
+    cut below which nothing chatters; `work_n_per_um` is the part where it is softest.
+    """
+
+    force: CuttingForce
+    copying: Copying
+    lobed_force_n: float
+    lobed_motion_um: float
+    work_n_per_um: float
+    chatter_limit_mm: float
+
+
+def cutting_process(part: HeldPart, machine: MachineProfile, error_um_pp: float) -> CuttingProcess:
+    """Return the process for a part whose blank is lobed by `error_um_pp`."""
+    job, force = part.job, part.force
+    cut_n_per_um = force.passive_n / (1000 * job.depth_of_cut_mm)
+    tool_um_per_n = abs(complex(tool_compliance_um_per_n(machine, job.lobe_frequency_hz)))
+    lobed_n = cut_n_per_um * error_um_pp / 2
+    radial = radial_cutting_stiffness_n_per_mm2(part.material, job.feed_mm_per_rev)
+    return CuttingProcess(
+        force=force,
+        copying=copying(cut_n_per_um, 1 / (tool_um_per_n + part.compliance_um_per_n)),
+        lobed_force_n=lobed_n,
+        lobed_motion_um=lobed_n * tool_um_per_n,
+        work_n_per_um=part.softest_n_per_um,
+        chatter_limit_mm=chatter_limit_mm(part.softest_n_per_um, part.damping_ratio, radial),
+    )
+
+
+def process_findings(part: HeldPart, machine: MachineProfile, process: CuttingProcess) -> tuple[Finding, ...]:
+    """Return what to mind of the process.
+
+    - `rule.chatter_width`  (warning) a cut wider than the part bears without chatter
+    - `rule.jaw_lifts`      (warning) a jaw edge that lets go of a bar under the cut
+    - `rule.mode_near`      (warning) one, two or three times the lobe frequency within 10 % of a mode of the part
+    """
+    depth_mm, most_mm = part.job.depth_of_cut_mm, process.chatter_limit_mm
+    value, limit = f"{depth_mm:.6g} mm", f"<= {most_mm:.6g} mm"
+    width = Problem(code="rule.chatter_width", key="depth_of_cut_mm", value=value, limit=limit)
+    return (_unless(depth_mm > most_mm, width), *_lifted(part), *_mode(part, machine))
+
+
+def _lifted(part: HeldPart) -> tuple[Finding, ...]:
+    if part.thin:
+        return ()
+    value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"
+    return (_unless(part.lifted(), Problem(code="rule.jaw_lifts", key="overhang_mm", value=value, limit=limit)),)
+
+
+def _mode(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
+    mode_hz = machine.chuck.work_mode_hz
+    if mode_hz is None:
+        return ()
+    met = nearest_mode(part.job.lobe_frequency_hz, (mode_hz,))
+    value = f"{part.job.lobe_frequency_hz * (met[0] if met else 1):.6g} Hz"
+    near = Problem(code="rule.mode_near", key="spindle_speed_rpm", value=value, limit=f"{mode_hz:.6g} Hz")
+    return (_unless(met is not None, near),)
+
+
+def _unless(warned: bool, problem: Problem) -> Finding:
+    return Finding(severity=Severity.WARNING if warned else Severity.OK, problem=problem)

@@ -1,0 +1,128 @@
+"""A compensation that was learned from a part, with what it holds for; plain values, fit for a file.
+
+Problem codes: `learned.file`; of one that is for something else `learned.job_changed`, `learned.machine_changed`,
+`learned.strategy`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from profiles.compensation import CutPath, LobedPath, Wave
+from profiles.problem import Problem, ProfileError
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoldsFor:
+    """What a compensation is for: job and machine with the hashes of their files, and how it is cut.
+
+    What was learned on a simulated lathe is for simulated lathes.
+    """
+
+    job: str
+    job_sha256: str
+    machine: str
+    machine_sha256: str
+    simulated: bool
+    strategy: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartRead:
+    """The part that something was learned from: how it was cut, and what was left on it.
+
+    It was cut with the share `share` of `version` (0: of the model, nothing learned); `wanted` is the lobe of that
+    path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its amplitude.
+    """
+
+    version: int
+    share: float
+    wanted: Wave
+    lobe: Wave
+    lobe_sd_um: float
+    ront_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedCompensation:
+    """A path with its history. Versions count from 1; `parent` is that from which it was learned, 0 the model.
+
+    `reverts` is the version whose path this is once more; None where it was learned, with `gain`, from `part`.
+    `date` is UTC after ISO 8601.
+    """
+
+    holds_for: HoldsFor
+    version: int
+    parent: int
+    gain: float
+    path: CutPath
+    part: PartRead | None
+    date: str
+    reverts: int | None = None
+
+
+def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem, ...]:
+    """Return why a compensation may not be used for what is asked; job and machine have the same names."""
+    holds, problems = learned.holds_for, []
+    version = str(learned.version)
+    for what in ("job", "machine"):
+        then, now = getattr(holds, f"{what}_sha256"), getattr(asked, f"{what}_sha256")
+        if then != now:
+            problems.append(
+                Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]),
+            )
+    if holds.strategy != asked.strategy:
+        problems.append(Problem(code="learned.strategy", key=version, value=asked.strategy, limit=holds.strategy))
+    return tuple(problems)
+
+
+def as_table(learned: LearnedCompensation) -> dict[str, Any]:
+    """Return it as plain values for a file."""
+    return {"schema": SCHEMA, **asdict(learned)}
+
+
+def from_table(table: Any, where: str = "") -> LearnedCompensation:
+    """Read what `as_table` has made.
+
+    Raises:
+        ProfileError: `learned.file`, anything else.
+    """
+    try:
+        if table["schema"] != SCHEMA:
+            raise ValueError(f"schema {table['schema']!r}")
+        rest = {key: value for key, value in table.items() if key != "schema"}
+        part, path = rest["part"], rest["path"]
+        rest["holds_for"] = HoldsFor(**rest["holds_for"])
+        rest["path"] = CutPath(wanted=_path(path["wanted"]), command=_path(path["command"]))
+        if part is not None:
+            rest["part"] = PartRead(**{**part, "wanted": _wave(part["wanted"]), "lobe": _wave(part["lobe"])})
+        learned = LearnedCompensation(**rest)
+        if learned.version < 1 or not 0.0 < learned.gain <= 1.0:
+            raise ValueError(f"version {learned.version}, gain {learned.gain}")
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        value = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ProfileError(Problem(code="learned.file", where=where, value=value)) from error
+    return learned
+
+
+def _path(table: Mapping[str, Any]) -> LobedPath:
+    numbers = {key: value for key, value in table.items() if key not in ("lobes", "overtones")}
+    overtones = tuple(_wave(each) for each in table["overtones"])
+    return LobedPath(lobes=int(table["lobes"]), overtones=overtones, **_finite(numbers))
+
+
+def _wave(table: Mapping[str, Any]) -> Wave:
+    return Wave(lobes=int(table["lobes"]), **_finite({k: v for k, v in table.items() if k != "lobes"}))
+
+
+def _finite(numbers: Mapping[str, Any]) -> dict[str, float]:
+    """Return them as numbers: a path with anything else must not reach a machine."""
+    found = {key: float(value) for key, value in numbers.items()}
+    if not all(math.isfinite(value) for value in found.values()):
+        raise ValueError(str(found))
+    return found

@@ -1,0 +1,61 @@
+"""Is this cut like the one in which the lobe error was found? The error goes with how the part was held and cut.
+
+A thin ring springs back in proportion to the force, to the cube of radius over wall, and by how near to the jaws
+it is cut; the force itself goes with the speed. So a compensation holds for the conditions of its calibration cut,
+within limits that change the lobe by no more than the next clamping does. What it does not state is not judged.
+
+Problem code: `rule.lobe_differs`, one for each condition.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from profiles.job import Job
+from profiles.problem import Problem
+
+FORCE_SHARE = 0.05
+"""Share by which the force may be off: what a good wrench scatters by from clamping to clamping."""
+
+SPEED_SHARE = 0.02
+LENGTH_MM = 0.1
+
+_SHARES = (("spindle_speed_rpm", "rpm", SPEED_SHARE),)
+_LENGTHS = ("overhang_mm", "wall_thickness_mm", "diameter_mm")
+
+
+def force_as_found(job: Job) -> bool:
+    """Whether the chucking force is that of the calibration cut."""
+    return abs(job.chucking_force_n - job.error_force_n) <= FORCE_SHARE * job.error_force_n
+
+
+def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
+    """Return what differs from the calibration cut, except the force.
+
+    `chuck` and `tool` are the names of those in the machine; "" is none that anybody knows.
+    """
+    found: list[Problem] = []
+    for key, unit, share in _SHARES:
+        met, then = getattr(job, key), getattr(job, f"lobe_{key}")
+        if then is not None and abs(met - then) > share * then:
+            found.append(_differs(key, f"{met:.6g} {unit}", f"{then:.6g} {unit}"))
+    for key in _LENGTHS:
+        met, then = getattr(job, key), getattr(job, f"lobe_{key}")
+        # To a nanometre, so that 30.1 is within a tenth of 30.
+        if then is not None and round(abs(met - then), 6) > LENGTH_MM:
+            found.append(_differs(key, f"{met:.6g} mm", f"{then:.6g} mm"))
+    for key, name, named in (("chuck", chuck, job.lobe_chuck), ("tool", tool, job.lobe_tool)):
+        if named is not None and name != named:
+            found.append(_differs(f"{key}.name", f'"{name}"', f'"{named}"'))
+    return tuple(found)
+
+
+def pinned(job: Job) -> Job:
+    """Return the job with the conditions of its calibration cut spelled out: they stay when it is edited."""
+    keys = ("spindle_speed_rpm", *_LENGTHS)
+    stated = {f"lobe_{key}": getattr(job, f"lobe_{key}") or getattr(job, key) for key in keys}
+    return replace(job, lobe_force_n=job.error_force_n, **stated)
+
+
+def _differs(key: str, value: str, limit: str) -> Problem:
+    return Problem(code="rule.lobe_differs", key=key, value=value, limit=limit)

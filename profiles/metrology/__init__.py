@@ -1,0 +1,1 @@
+"""Metrology of roundness: reference circles, filters, harmonics, turns, V-blocks. Pure numbers."""

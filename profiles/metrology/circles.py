@@ -1,0 +1,142 @@
+"""The four reference circles of ISO 12181-1 in the limacon model: deviation = R + x cos + y sin + residual.
+
+The model is linear, so least squares is one linear fit and the other three are linear programmes with a unique
+optimal value, solved exactly by the exchange of contacts. It holds while eccentricity^2 / (2 radius) is small.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.metrology.exchange import exchanged
+from profiles.metrology.points import FloatArray, checked
+
+LEAST_SQUARES = "LSC"
+MINIMUM_ZONE = "MZC"
+MINIMUM_CIRCUMSCRIBED = "MCC"
+MAXIMUM_INSCRIBED = "MIC"
+CIRCLES = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
+
+# Share of the peak to peak deviation by which a point may be outside: far below 1e-9 um of any real part.
+_OUTSIDE = 1e-13
+_WEIGHTLESS = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """A point that a circle rests on: its index in the trace, and whether the circle touches it from outside."""
+
+    index: int
+    angle_deg: float
+    outer: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceCircle:
+    """A reference circle and the deviations from it, um; ISO states RONp, RONv and RONq for the least squares one.
+
+    `kind` is one of `CIRCLES`. `deviation_um` is its radius above the nominal one; the minimum zone has two
+    circles, and this is the middle between them. The centre is from the axis of measurement, x towards angle 0,
+    y towards 90 deg. `contacts` are in the order of their angles, none for least squares; those of a minimum zone
+    alternate outer and inner, which proves that it is the smallest.
+    """
+
+    kind: str
+    centre_x_um: float
+    centre_y_um: float
+    deviation_um: float
+    ront_um: float
+    ronp_um: float
+    ronv_um: float
+    ronq_um: float
+    contacts: tuple[Contact, ...] = ()
+
+
+def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> ReferenceCircle:
+    """Return a reference circle of M points; shape (M,) each, in any order, several at one angle are allowed.
+
+    LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none outside,
+    MIC the largest R with none inside.
+
+    Raises:
+        ProfileError: as `profiles.metrology.points.checked`.
+    """
+    angle, deviation = checked(angle_deg, deviation_um)
+    mean_um, x_um, y_um = least_squares(angle, deviation)
+    theta = np.radians(angle)
+    cosine, sine = np.cos(theta), np.sin(theta)
+    # Only what is left after least squares goes into the programme: small numbers lose no digits.
+    left = deviation - mean_um - x_um * cosine - y_um * sine
+    contacts: tuple[Contact, ...] = ()
+    if kind != LEAST_SQUARES:
+        dx_um, dy_um, contacts = _extreme(kind, angle, np.vstack((cosine, sine)), left)
+        left = left - dx_um * cosine - dy_um * sine
+        x_um, y_um = x_um + dx_um, y_um + dy_um
+    highest, lowest = float(left.max()), float(left.min())
+    shift_um = {
+        LEAST_SQUARES: 0.0,
+        MINIMUM_ZONE: (highest + lowest) / 2,
+        MINIMUM_CIRCUMSCRIBED: highest,
+        MAXIMUM_INSCRIBED: lowest,
+    }[kind]
+    return ReferenceCircle(
+        kind=kind,
+        centre_x_um=x_um,
+        centre_y_um=y_um,
+        deviation_um=mean_um + shift_um,
+        ront_um=highest - lowest,
+        ronp_um=highest - shift_um,
+        ronv_um=0.0 + shift_um - lowest,
+        ronq_um=math.sqrt(float(np.mean((left - shift_um) ** 2))),
+        contacts=contacts,
+    )
+
+
+def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
+    """Return mean, x and y of the least squares circle, um; right for unequal angles, too."""
+    theta = np.radians(angle_deg)
+    design = np.column_stack((np.ones_like(theta), np.cos(theta), np.sin(theta)))
+    solution = np.linalg.lstsq(design, deviation_um, rcond=None)[0]
+    return float(solution[0]), float(solution[1]), float(solution[2])
+
+
+def _extreme(
+    kind: str, angle_deg: FloatArray, direction: FloatArray, left_um: FloatArray
+) -> tuple[float, float, tuple[Contact, ...]]:
+    """Return how far the centre moves in x and y, and what the circle then rests on; `direction` is (2, M)."""
+    span_um = float(np.ptp(left_um))
+    if span_um == 0.0:
+        return 0.0, 0.0, ()
+    size, gains, one = angle_deg.size, left_um / span_um, np.ones((1, angle_deg.size))
+    sides = 1
+    if kind == MINIMUM_ZONE:  # columns of outer contacts, then of inner ones
+        none = np.zeros((1, size))
+        columns = np.block([[one, none], [none, one], [direction, -direction]])
+        gains, sides = np.concatenate((gains, -gains)), 2
+        basis = _nearest(direction, 4) + np.array([0, size, 0, size])
+    else:
+        sign = 1.0 if kind == MINIMUM_CIRCUMSCRIBED else -1.0
+        columns, gains, basis = np.vstack((one, direction)), sign * gains, _nearest(direction, 3)
+    rhs = np.zeros(columns.shape[0])
+    rhs[:sides] = 1.0
+    optimum = exchanged(columns, gains, rhs, basis, tolerance=_OUTSIDE)
+    x, y = optimum.prices[-2:] * (-span_um if kind == MAXIMUM_INSCRIBED else span_um)
+    touching = optimum.basis[optimum.weights > _WEIGHTLESS]
+    outer = touching < size if kind == MINIMUM_ZONE else np.full(touching.size, kind == MINIMUM_CIRCUMSCRIBED)
+    found = [
+        Contact(index=int(i), angle_deg=float(angle_deg[i]), outer=bool(o))
+        for i, o in zip(touching % size, outer, strict=True)
+    ]
+    return float(x), float(y), tuple(sorted(found, key=lambda contact: contact.angle_deg % 360.0))
+
+
+def _nearest(direction: FloatArray, parts: int) -> NDArray[np.intp]:
+    """Return the points that divide the turn best into so many parts: they hold a circle, or a zone, in place."""
+    wanted = 2 * math.pi * np.arange(parts) / parts
+    return np.asarray(
+        np.argmax(np.column_stack((np.cos(wanted), np.sin(wanted))) @ direction, axis=1), dtype=np.intp
+    )

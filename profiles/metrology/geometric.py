@@ -1,0 +1,125 @@
+"""Reference circles of points in a plane, and of parts that sit too far off the axis for the limacon model.
+
+The distance from a centre is not linear in it. Each step takes it as linear about the centre so far (Gauss-Newton
+for least squares, sequential linear programming for zone and inscribed circle) and is shortened until the true
+objective drops. Least squares and zone have one optimum near a round part; the inscribed circle may have several,
+so it is looked for from several starts. The circumscribed circle is found exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from profiles.metrology.circles import (
+    CIRCLES,
+    LEAST_SQUARES,
+    MAXIMUM_INSCRIBED,
+    MINIMUM_CIRCUMSCRIBED,
+    Contact,
+    ReferenceCircle,
+    limacon_circle,
+)
+from profiles.metrology.enclosing import smallest_enclosing
+from profiles.metrology.points import FloatArray, checked
+
+_MOST_STEPS = 50
+_MOST_HALVINGS = 20
+_STILL = 1e-13
+"""Share of the radius below which a step is none: 3e-9 um on a radius of 26 mm."""
+_STARTS = 6
+
+
+def geometric_circle(
+    kind: str, x_um: ArrayLike, y_um: ArrayLike, start: tuple[float, float] | None = None
+) -> ReferenceCircle:
+    """Return a reference circle of points x, y (um, shape (M,) each) by their true distances.
+
+    `deviation_um` of the circle is its radius. `start` is a point inside the part, the mean of all points if none
+    is given.
+
+    Raises:
+        ProfileError: as `profiles.metrology.points.checked`, of the angles about the start.
+    """
+    x, y = np.asarray(x_um, dtype=np.float64), np.asarray(y_um, dtype=np.float64)
+    first = (float(x.mean()), float(y.mean())) if start is None else start
+    if kind == MINIMUM_CIRCUMSCRIBED:
+        return _circumscribed(x, y)
+    if kind != MAXIMUM_INSCRIBED:
+        return _descended(kind, x, y, first)
+    middle = _descended(LEAST_SQUARES, x, y, first)
+    centre, around = (middle.centre_x_um, middle.centre_y_um), 2 * math.pi / _STARTS
+    ring = [(math.cos(k * around), math.sin(k * around)) for k in range(_STARTS)]
+    starts = [centre, *((centre[0] + middle.ront_um * c, centre[1] + middle.ront_um * s) for c, s in ring)]
+    return max((_descended(kind, x, y, each) for each in starts), key=lambda circle: circle.deviation_um)
+
+
+def polar(x_um: FloatArray, y_um: FloatArray, centre: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Return angles (deg, in [0, 360)) and distances (um) of points about a centre; shape (M,) each."""
+    dx, dy = x_um - centre[0], y_um - centre[1]
+    return np.mod(np.degrees(np.arctan2(dy, dx)), 360.0), np.hypot(dx, dy)
+
+
+def circles_about_axis(
+    angle_deg: FloatArray, deviation_um: FloatArray, radius_um: float | None
+) -> tuple[ReferenceCircle, ...]:
+    """Return the four circles of a centred profile: by true distances with its radius, as limacons without."""
+    if radius_um is None:
+        return tuple(limacon_circle(kind, angle_deg, deviation_um) for kind in CIRCLES)
+    theta, distance = np.radians(angle_deg), deviation_um + radius_um
+    x, y = distance * np.cos(theta), distance * np.sin(theta)
+    found = (geometric_circle(kind, x, y, (0.0, 0.0)) for kind in CIRCLES)
+    return tuple(replace(circle, deviation_um=circle.deviation_um - radius_um) for circle in found)
+
+
+def _circumscribed(x: FloatArray, y: FloatArray) -> ReferenceCircle:
+    centre, touching = smallest_enclosing(x, y)
+    angle, distance = checked(*polar(x, y, centre))
+    radius_um, lowest_um = float(distance.max()), float(distance.min())
+    found = [Contact(index=i, angle_deg=float(angle[i]), outer=True) for i in touching]
+    return ReferenceCircle(
+        kind=MINIMUM_CIRCUMSCRIBED,
+        centre_x_um=centre[0],
+        centre_y_um=centre[1],
+        deviation_um=radius_um,
+        ront_um=radius_um - lowest_um,
+        ronp_um=0.0,
+        ronv_um=radius_um - lowest_um,
+        ronq_um=math.sqrt(float(np.mean((radius_um - distance) ** 2))),
+        contacts=tuple(sorted(found, key=lambda contact: contact.angle_deg)),
+    )
+
+
+def _descended(kind: str, x: FloatArray, y: FloatArray, start: tuple[float, float]) -> ReferenceCircle:
+    circle = _moved(limacon_circle(kind, *polar(x, y, start)), start)
+    centre, reached = start, math.inf
+    for _ in range(_MOST_STEPS):
+        step = (circle.centre_x_um - centre[0], circle.centre_y_um - centre[1])
+        if math.hypot(*step) <= _STILL * abs(circle.deviation_um):
+            break
+        shares = (0.5**k for k in range(_MOST_HALVINGS))
+        tried = ((centre[0] + share * step[0], centre[1] + share * step[1]) for share in shares)
+        judged = ((_objective(kind, x, y, each), each) for each in tried)
+        value, place = next(((v, p) for v, p in judged if v < reached), (reached, centre))
+        if value >= reached:
+            break
+        reached, centre = value, place
+        circle = _moved(limacon_circle(kind, *polar(x, y, centre)), centre)
+    return circle
+
+
+def _moved(circle: ReferenceCircle, origin: tuple[float, float]) -> ReferenceCircle:
+    return replace(circle, centre_x_um=circle.centre_x_um + origin[0], centre_y_um=circle.centre_y_um + origin[1])
+
+
+def _objective(kind: str, x: FloatArray, y: FloatArray, centre: tuple[float, float]) -> float:
+    """Return what the circle of this kind minimises, um (least squares: the rms)."""
+    distance = np.hypot(x - centre[0], y - centre[1])
+    if kind == LEAST_SQUARES:
+        return float(distance.std())
+    if kind == MAXIMUM_INSCRIBED:
+        return -float(distance.min())
+    return float(np.ptp(distance))

@@ -1,0 +1,65 @@
+"""The undulations of a profile: amplitude and first crest of each, fitted together for any angles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from profiles.metrology.points import FloatArray
+
+HIGHEST_HARMONIC = 15
+# Above this ratio of singular values the angles leave a gap in which harmonics can be traded for each other.
+_WORST_CONDITION = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Harmonic:
+    """amplitude cos(n (angle - phase)), with `phase_deg` the first crest, in [0, 360/n)."""
+
+    n: int
+    amplitude_um: float
+    phase_deg: float
+
+    def past_jaw_1_deg(self, jaw_1_deg: float, *, against_spindle: bool = False) -> float:
+        """Return how far its first crest is past jaw 1 as the spindle counts, in [0, 360/n).
+
+        `jaw_1_deg` is where jaw 1 is in the angles of the trace; `against_spindle` says that these run the other
+        way round the part than the angles of the spindle.
+        """
+        past_deg = self.phase_deg - jaw_1_deg
+        return _first_deg(-past_deg if against_spindle else past_deg, self.n)
+
+
+def harmonics(angle_deg: FloatArray, profile_um: FloatArray) -> tuple[Harmonic, ...]:
+    """Fit n = 1 to 15 together, or fewer where the points cannot tell them apart; return those from 2."""
+    for highest in range(min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 2), 1, -1):
+        n = np.arange(1, highest + 1)
+        columns = wave_columns(angle_deg, highest)
+        # Normal equations: with so good a condition they lose no digit that counts, and take a tenth of the time.
+        gram = columns.T @ columns
+        squares = np.linalg.eigvalsh(gram)  # of the singular values
+        if squares[0] * _WORST_CONDITION**2 >= squares[-1]:
+            solution = np.linalg.solve(gram, columns.T @ profile_um)
+            pairs = zip(n[1:], solution[2 : highest + 1], solution[highest + 2 :], strict=True)
+            return tuple(harmonic(int(k), float(cosine), float(sine)) for k, cosine, sine in pairs)
+    return ()
+
+
+def wave_columns(angle_deg: FloatArray, highest: int) -> FloatArray:
+    """Return the columns 1, cos n angle, sin n angle for n = 1 to `highest`; shape (M, 1 + 2 highest)."""
+    waves = np.radians(angle_deg)[:, np.newaxis] * np.arange(1, highest + 1)
+    return np.hstack((np.ones((angle_deg.size, 1)), np.cos(waves), np.sin(waves)))
+
+
+def harmonic(n: int, cosine_um: float, sine_um: float) -> Harmonic:
+    """Return cosine cos(n angle) + sine sin(n angle) as amplitude and first crest."""
+    phase_deg = _first_deg(math.degrees(math.atan2(sine_um, cosine_um)) / n, n)
+    return Harmonic(n=n, amplitude_um=math.hypot(cosine_um, sine_um), phase_deg=phase_deg)
+
+
+def _first_deg(crest_deg: float, n: int) -> float:
+    first_deg = crest_deg % (360 / n)
+    # The remainder of a tiny negative number rounds up to the divisor.
+    return 0.0 if first_deg >= 360 / n else first_deg

@@ -1,0 +1,86 @@
+"""The points of a closed profile: what may be evaluated, how they stand round the turn, equal angles from unequal.
+
+Angles in degrees, in any order and from any start; deviations in um, positive outwards; shape (M,) each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.problem import Problem, ProfileError
+
+FloatArray = NDArray[np.float64]
+
+FEWEST_POINTS = 4
+LARGEST_GAP_DEG = 60.0
+"""Half the wave of a three-lobe, crest to valley: in a larger gap all of it can hide."""
+# Share of a step by which the angles of an equally spaced trace may be off, such as by rounding in a file.
+_SPACING_TOLERANCE = 0.01
+_GAP_TOLERANCE_DEG = 1e-6
+_TURN_DEG = 360.0
+
+
+def checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return both as arrays of shape (M,).
+
+    Raises:
+        ProfileError: `trace.columns`, `trace.few_points`, `trace.not_finite`; `trace.narrow_angles`, there is a
+        gap
+            above `LARGEST_GAP_DEG`.
+    """
+    angle = np.asarray(angle_deg, dtype=np.float64)
+    deviation = np.asarray(deviation_um, dtype=np.float64)
+    if angle.ndim != 1 or angle.shape != deviation.shape:
+        value = f"{angle.shape} {deviation.shape}"
+        raise ProfileError(Problem(code="trace.columns", value=value, limit="(M,) (M,)"))
+    if angle.size < FEWEST_POINTS:
+        raise ProfileError(Problem(code="trace.few_points", value=str(angle.size), limit=f">= {FEWEST_POINTS}"))
+    for key, values in (("angle_deg", angle), ("deviation_um", deviation)):
+        if not np.isfinite(values).all():
+            value = f"{values[~np.isfinite(values)][0]:g}"
+            raise ProfileError(Problem(code="trace.not_finite", key=key, value=value))
+    gap_deg = largest_gap_deg(angle)
+    if gap_deg > LARGEST_GAP_DEG + _GAP_TOLERANCE_DEG:
+        value, limit = f"{gap_deg:g} deg", f"<= {LARGEST_GAP_DEG:g} deg"
+        raise ProfileError(Problem(code="trace.narrow_angles", key="angle_deg", value=value, limit=limit))
+    return angle, deviation
+
+
+def equally_spaced(angle_deg: ArrayLike) -> bool:
+    """Return whether the angles, in any order and from any start, divide the turn into equal steps."""
+    gaps = _gaps_deg(angle_deg)
+    step = _TURN_DEG / gaps.size
+    return bool(np.all(np.abs(gaps - step) <= _SPACING_TOLERANCE * step))
+
+
+def largest_gap_deg(angle_deg: ArrayLike) -> float:
+    """Return the largest step between neighbouring angles, in any order and from any start."""
+    return float(_gaps_deg(angle_deg).max())
+
+
+def at_equal_angles(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return M equally spaced angles from 0 and the profile there, by the cubic through four neighbours.
+
+    For nearly equal steps h (rad) and an undulation n of amplitude A the error is below A (n h)^4 / 40.
+    """
+    turned = np.mod(angle_deg, _TURN_DEG)
+    order = np.argsort(turned, kind="stable")
+    step = np.arange(-2, angle_deg.size + 2)
+    known = np.take(turned[order], step, mode="wrap") + _TURN_DEG * np.floor_divide(step, angle_deg.size)
+    values = np.take(deviation_um[order], step, mode="wrap")
+    wanted = np.arange(angle_deg.size) * _TURN_DEG / angle_deg.size
+    first = np.searchsorted(known, wanted, side="right") - 2
+    near = first[:, np.newaxis] + np.arange(4)
+    x, y = known[near], values[near]
+    result = np.zeros(wanted.size)
+    for k in range(4):
+        others = [j for j in range(4) if j != k]
+        shares = [(wanted - x[:, j]) / (x[:, k] - x[:, j]) for j in others]
+        result += y[:, k] * shares[0] * shares[1] * shares[2]
+    return wanted, result
+
+
+def _gaps_deg(angle_deg: ArrayLike) -> FloatArray:
+    angle = np.sort(np.mod(np.asarray(angle_deg, dtype=np.float64), _TURN_DEG))
+    return np.diff(angle, append=angle[0] + _TURN_DEG)

@@ -1,0 +1,70 @@
+"""Several turns of one part: what repeats with the angle belongs to it, what differs from turn to turn does not.
+
+Problem code: `trace.turns`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from profiles.metrology.points import FloatArray
+from profiles.problem import Problem, ProfileError
+
+# Share of a step by which the angles of a turn may differ from those of the first one.
+_SAME_ANGLE = 0.01
+_TURN_DEG = 360.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Turns:
+    """K turns of M points, um: `each_um` (K, M) at `angle_deg` (M,), in [0, 360), rising.
+
+    `repeatable_um` (M,) is their mean. `random_um` is the standard deviation of one turn's point from it (K - 1 of
+    K turns are free), so that of the mean is `random_um` / sqrt(K).
+    """
+
+    angle_deg: FloatArray
+    each_um: FloatArray
+    repeatable_um: FloatArray
+    random_um: float
+
+    def amplitude_sd_um(self, n: int) -> float:
+        """Return the standard deviation, from turn to turn, of the amplitude of undulation `n`.
+
+        Divided by sqrt(K) it is the standard error of the mean turn's amplitude.
+        """
+        waves = np.exp(-1j * n * np.radians(self.angle_deg))
+        amplitudes = 2.0 * np.abs(self.each_um @ waves) / self.angle_deg.size
+        return float(amplitudes.std(ddof=1))
+
+
+def several_turns(angle_deg: ArrayLike, deviation_um: ArrayLike, turns: int) -> Turns:
+    """Return the turns of a trace whose angles run on from 0 to 360 `turns`; at least 2, shape (K M,) each.
+
+    Raises:
+        ProfileError: `trace.turns`, the turns do not have the same angles.
+    """
+    angle = np.asarray(angle_deg, dtype=np.float64)
+    deviation = np.asarray(deviation_um, dtype=np.float64)
+    if turns < 2 or angle.size % turns:
+        raise ProfileError(Problem(code="trace.turns", value=str(angle.size), limit=f"{turns} x N"))
+    order = np.argsort(angle, kind="stable")
+    stood = angle[order].reshape(turns, -1) - _TURN_DEG * np.arange(turns)[:, np.newaxis]
+    allowed_deg = _SAME_ANGLE * _TURN_DEG / stood.shape[1]
+    apart_deg = float(np.abs(stood - stood[0]).max())
+    if apart_deg > allowed_deg:
+        raise ProfileError(
+            Problem(code="trace.turns", value=f"{apart_deg:.3g} deg", limit=f"<= {allowed_deg:.3g} deg")
+        )
+    each = deviation[order].reshape(turns, -1)
+    mean = each.mean(axis=0)
+    return Turns(
+        angle_deg=stood[0],
+        each_um=each,
+        repeatable_um=mean,
+        random_um=math.sqrt(float(np.sum((each - mean) ** 2)) / (stood.shape[1] * (turns - 1))),
+    )

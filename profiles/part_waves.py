@@ -1,0 +1,93 @@
+"""The waves of a measured part in the angles of the spindle, where a tool path can use them.
+
+A trace whose angles are t has Re(c exp(j n t)); at spindle angles a = s t + o, with s = -1 where the trace runs
+against the spindle, that is Re(c' exp(j n a)) with c' = c exp(-j n o), or conj(c) exp(-j n o) against it.
+
+Problem codes: those of `profiles.calibration.lobe` but `lobe.not_significant`; `learned.jaw_assumed`.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.calibration.lobe import INDEX, find_lobe
+from profiles.job import Job
+from profiles.metrology.turns import several_turns
+from profiles.problem import Problem
+from profiles.roundness import evaluate
+from profiles.trace_files.header import TraceHeader, header_of
+from profiles.traces import Trace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartWaves:
+    """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, and their standard errors.
+
+    `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own. `reasons` are why
+    nothing may be learned from it; `warnings` do not spoil it.
+    """
+
+    coefficients_um: Mapping[int, complex]
+    sd_um: Mapping[int, float]
+    angle_deg: NDArray[np.float64]
+    deviation_um: NDArray[np.float64]
+    against_spindle: bool
+    begins_deg: float
+    filter_upr: float
+    reasons: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+
+    def ront_um(self, less_um: Mapping[int, complex] | None = None) -> float:
+        """Return RONt of the part, or of one that is lower by Re(c exp(j n angle)) for each n of `less_um`."""
+        spindle_deg = (-1.0 if self.against_spindle else 1.0) * self.angle_deg + self.begins_deg
+        left_um = np.array(self.deviation_um)
+        for n, coefficient in (less_um or {}).items():
+            left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
+        return evaluate(self.angle_deg, left_um, self.filter_upr).ront_um
+
+
+def part_waves(trace: Trace, job: Job, *, filter_upr: float, robust: bool = False) -> PartWaves:
+    """Return the waves of a part of this job; `filter_upr` is the filter of its RONt.
+
+    Raises:
+        ProfileError: what the fit, or the roundness of such a trace, refuses.
+    """
+    found = find_lobe(trace, job, robust=robust)
+    header, _ = header_of(trace.meta)
+    begins_deg = _begins_deg(header, job)
+    reasons = [problem for problem in found.reasons if problem.code != "lobe.not_significant"]
+    if found.phase_assumed:
+        reasons.append(Problem(code="learned.jaw_assumed", key="lobe_phase_deg", limit=f"# start_mark: {INDEX}"))
+    angle_deg, deviation_um = trace.angle_deg, trace.deviation_um
+    if header.turns > 1:
+        turns = several_turns(angle_deg, deviation_um, header.turns)
+        angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
+    placed: dict[int, complex] = {}
+    for wave in found.fit.waves:
+        own = complex(wave.cos_um, -wave.sin_um)
+        seen = own.conjugate() if header.against_spindle else own
+        placed[wave.n] = seen * cmath.exp(-1j * wave.n * math.radians(begins_deg))
+    return PartWaves(
+        coefficients_um=placed,
+        sd_um={wave.n: wave.sd_um for wave in found.fit.waves},
+        angle_deg=angle_deg,
+        deviation_um=deviation_um,
+        against_spindle=header.against_spindle,
+        begins_deg=begins_deg,
+        filter_upr=filter_upr,
+        reasons=tuple(reasons),
+        warnings=found.warnings,
+    )
+
+
+def _begins_deg(header: TraceHeader, job: Job) -> float:
+    """Return the spindle angle at angle 0 of the trace; 0 where nothing is known of it, which is a reason then."""
+    if header.start_mark == INDEX or header.jaw_1_deg is None:
+        return 0.0
+    return job.jaw_1_deg - (-1.0 if header.against_spindle else 1.0) * header.jaw_1_deg

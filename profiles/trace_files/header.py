@@ -1,0 +1,113 @@
+"""What the lines `# key: value` of a trace say about how it was measured.
+
+A part of it changes the numbers and is applied while the file is read (`units`, `angles`, `angle_range`); the rest
+is told here. What a trace does not state is unknown, never assumed.
+
+Problem code, as a warning: `trace.header_value`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from profiles.files import printable
+from profiles.problem import Problem
+
+DIRECTIONS = ("spindle", "cw", "ccw")
+"""Which way the angles run over the part, seen from the tailstock. Those of a spindle that turns counter-clockwise
+in the cut (M3), taken at the tool, run clockwise over the part: `spindle` and `cw` are the same."""
+START_MARKS = ("spindle index", "jaw 1", "unknown")
+"""What stood at angle 0."""
+METHODS = ("radial", "v_block", "two_point")
+SIZES = ("absolute", "relative")
+APPLIED = ("units", "angles", "angle_range")
+"""Keys that are applied while the file is read and are gone then."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraceHeader:
+    """How a trace was measured; None where it does not say.
+
+    `direction` is one of `DIRECTIONS`, `start_mark` one of `START_MARKS`, `jaw_1_deg` the angle of jaw 1 in the
+    angles of the trace (0 where jaw 1 is the start mark). `filter_upr` is the cut-off of a filter that the
+    instrument has applied, `radius_mm` the radius at which the deviation is 0. `size` "relative" says that the
+    instrument does not know the size, so that the mean deviation means nothing. `method` is how it was measured,
+    one of `METHODS`. `turns` of the part follow each other.
+    """
+
+    state: str = "unknown"
+    direction: str | None = None
+    start_mark: str | None = None
+    jaw_1_deg: float | None = None
+    filter_upr: float | None = None
+    radius_mm: float | None = None
+    size: str | None = None
+    method: str | None = None
+    turns: int = 1
+
+    @property
+    def phase_known(self) -> bool:
+        """Whether the angles are tied to the spindle or to jaw 1: both direction and start mark are stated."""
+        marked = self.jaw_1_deg is not None or self.start_mark == "spindle index"
+        return self.direction is not None and marked
+
+    @property
+    def against_spindle(self) -> bool:
+        """Whether the angles run the other way round the part than those of the spindle."""
+        return self.direction == "ccw"
+
+    def jaw_1_of(self, spindle_deg: float | None) -> float | None:
+        """Return the angle of jaw 1 in the angles of the trace, None where it is unknown.
+
+        `spindle_deg` is the spindle angle of jaw 1, None where nobody says it; it is used where the trace begins
+        at the spindle index and does not state jaw 1 itself.
+        """
+        if not self.phase_known or self.jaw_1_deg is not None or spindle_deg is None:
+            return self.jaw_1_deg if self.phase_known else None
+        return -spindle_deg if self.against_spindle else spindle_deg
+
+
+def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]]:
+    """Return what the lines say, with a warning for each value that cannot be used; it is then not stated."""
+    unusable: list[Problem] = []
+
+    def number(key: str, above: float, limit: str) -> float | None:
+        stated = meta.get(key)
+        if stated is None:
+            return None
+        try:
+            value = float(stated)
+        except ValueError:
+            value = math.nan
+        if math.isfinite(value) and value > above:
+            return value
+        unusable.append(_unusable(key, stated, limit))
+        return None
+
+    def choice(key: str, choices: tuple[str, ...]) -> str | None:
+        stated = meta.get(key)
+        if stated is None or stated in choices:
+            return stated
+        unusable.append(_unusable(key, stated, ", ".join(choices)))
+        return None
+
+    start_mark = choice("start_mark", START_MARKS)
+    jaw_1_deg = number("jaw_1_deg", -math.inf, "deg")
+    header = TraceHeader(
+        state=meta.get("state", "unknown"),
+        direction=choice("direction", DIRECTIONS),
+        start_mark=start_mark,
+        jaw_1_deg=0.0 if jaw_1_deg is None and start_mark == "jaw 1" else jaw_1_deg,
+        filter_upr=number("filter_upr", 0.0, "> 0 UPR"),
+        radius_mm=number("radius_mm", 0.0, "> 0 mm"),
+        size=choice("size", SIZES),
+        method=choice("method", METHODS),
+        turns=int(meta.get("turns", "1")),
+    )
+    return header, tuple(unusable)
+
+
+def _unusable(key: str, stated: str, limit: str) -> Problem:
+    return Problem(code="trace.header_value", key=key, value=printable(stated, 60) or '""', limit=limit)

@@ -1,0 +1,184 @@
+"""One text file with a table of points, read line by line.
+
+Problem codes: `trace.no_header`, `trace.columns`, `trace.not_number`, `trace.not_finite`, `trace.out_of_range`,
+`trace.duplicate_angle`, `trace.few_points`, `trace.meta`; of the whole file `trace.separator`,
+`trace.decimal_comma`, `trace.mixed_decimals`, `trace.negative_angle`, `trace.units`, `trace.angles`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
+from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, columns_named
+from profiles.trace_files.dialect import Dialect
+from profiles.trace_files.header import APPLIED
+
+FEWEST_POINTS = 16
+LARGEST_DEVIATION_UM = 1e6
+LARGEST_PLACE_UM = 1e7
+MOST_TURNS = 1000
+PLAIN_HEADER = ",".join(TABLES[0].names)
+# How far the point that closes the turn at 360 deg may be from the one at 0, for the rounding of a file.
+CLOSING_TOLERANCE_UM = 1e-9
+PROBLEM_CAP = 20
+_TURN_DEG = 360.0
+_RANGES = {"0..360": 0.0, "-180..180": -180.0}
+
+
+class TableReader:
+    """Takes the lines of one file in turn; collects problems and points: first column, second column in um."""
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self.problems: list[Problem] = []
+        self.spoilt = False
+        self.meta: dict[str, str] = {}
+        self.columns: Columns | None = None
+        self.first: list[float] = []
+        self.second: list[float] = []
+        self._header_met = False
+        self._dialect = Dialect("")
+        self._line_of_angle: dict[float, int] = {}
+        self._um_per_unit = 0.0
+        self._from_deg, self._to_deg = 0.0, _TURN_DEG
+        self._closed = False
+
+    def take(self, number: int, line: str) -> None:
+        """Take one line that is not blank, without the blanks round it."""
+        if line.startswith("#"):
+            if not self.second:
+                self._take_meta(number, line)
+            return
+        if not self._header_met:
+            self._dialect = Dialect(line)
+        cells = self._dialect.cells(line)
+        wanted = 2 if self.columns is None else len(self.columns.names)
+        if cause := self._dialect.cause(cells, wanted):
+            self._spoil(cause, number, value=line, limit=PLAIN_HEADER)
+        elif not self._header_met:
+            self._take_header(number, line, cells)
+        elif len(cells) != wanted:
+            names = TABLES[0].names if self.columns is None else self.columns.names
+            self._refuse("trace.columns", number, value=line, limit=",".join(names))
+        else:
+            self._take_point(number, cells)
+
+    def finish(self) -> None:
+        """Raise `ProfileError` with all problems, if there are any; forget the keys that were applied."""
+        if not self._header_met:
+            self.problems.append(Problem(code="trace.no_header", where=self.where, limit=PLAIN_HEADER))
+        if not self.problems and len(self.second) < FEWEST_POINTS:
+            value = str(len(self.second))
+            self.problems.append(
+                Problem(code="trace.few_points", where=self.where, value=value, limit=f">= {FEWEST_POINTS}")
+            )
+        if self.problems:
+            raise ProfileError(*self.problems)
+        self.meta = {key: value for key, value in self.meta.items() if key not in APPLIED}
+
+    def _take_meta(self, number: int, line: str) -> None:
+        key, colon, value = (part.strip() for part in line[1:].partition(":"))
+        if not colon:
+            return  # a remark for people
+        if not key or key in self.meta or not (key + value).isprintable():
+            self._refuse("trace.meta", number, value=line, limit="# key: value")
+            return
+        self.meta[key] = value
+        allowed = {"units": tuple(UM_PER_UNIT), "angles": ("equal",), "angle_range": tuple(_RANGES)}.get(key)
+        if self._header_met and allowed:
+            self._refuse("trace.meta_late", number, key=key, value=line, limit=PLAIN_HEADER)
+        elif allowed and value not in allowed:
+            self._spoil("trace.key", number, key=key, value=value, limit=", ".join(allowed))
+        elif key == "turns":
+            self._take_turns(number, value)
+        elif key == "angle_range" and _RANGES[value] != 0.0:
+            if self._to_deg != _TURN_DEG:
+                self._spoil("trace.key", number, key=key, value=value, limit="0..360")
+            self._from_deg = _RANGES[value]
+            self._to_deg = self._from_deg + _TURN_DEG
+
+    def _take_turns(self, number: int, value: str) -> None:
+        if not (value.isascii() and value.isdigit() and len(value) < 5 and 1 <= int(value) <= MOST_TURNS):
+            self._spoil("trace.key", number, key="turns", value=value, limit=f"1 - {MOST_TURNS}")
+        elif self._from_deg != 0.0:
+            self._spoil("trace.key", number, key="turns", value=value, limit="angle_range: 0..360")
+        else:
+            self._to_deg = _TURN_DEG * int(value)
+
+    def _take_header(self, number: int, line: str, cells: Sequence[str]) -> None:
+        self._header_met = True
+        self.columns = columns_named(tuple(cells))
+        if self.columns is None:
+            code = "trace.no_header" if self._dialect.is_point(cells) else "trace.columns"
+            self._refuse(code, number, value=line, limit=PLAIN_HEADER)
+            self.spoilt = True  # nothing is known of the lines that follow
+            return
+        stated = self.meta.get("units")
+        self._um_per_unit = self.columns.um_per_unit or UM_PER_UNIT.get(stated or "", 0.0)
+        if not self._um_per_unit or (stated and UM_PER_UNIT.get(stated) != self._um_per_unit):
+            self._spoil("trace.units", number, value=line, limit=" | ".join(f"# units: {u}" for u in UM_PER_UNIT))
+        elif (len(cells) == 1) != (self.meta.get("angles") == "equal"):
+            self._spoil("trace.angles", number, value=line, limit="# angles: equal")
+
+    def _take_point(self, number: int, cells: Sequence[str]) -> None:
+        assert self.columns is not None
+        values = []
+        for key, cell in zip(self.columns.names, cells, strict=True):
+            value, code = self._dialect.number(cell)
+            if key != ANGLE:
+                value *= self._um_per_unit
+            elif not code and value < self._from_deg == 0.0:
+                self._spoil("trace.negative_angle", number, value=cell, limit="")
+                return
+            within, limit = self._within(key, value)
+            if code or not within:
+                self._refuse(code or "trace.out_of_range", number, key=key, value=cell, limit=limit)
+                return
+            values.append(value)
+        if self.columns.names[0] == ANGLE:
+            self._keep_point(number, cells[0], *values)
+        else:
+            self.first.append(values[0] if self.columns.plane else float(len(self.second)))
+            self.second.append(values[-1])
+
+    def _within(self, key: str, value: float) -> tuple[bool, str]:
+        if key == ANGLE:
+            limit = f">= {self._from_deg:g}, < {self._to_deg:g} deg"
+            return self._from_deg <= value <= self._to_deg, limit
+        assert self.columns is not None
+        largest_um = LARGEST_PLACE_UM if self.columns.plane else LARGEST_DEVIATION_UM
+        return abs(value) <= largest_um, f"<= {largest_um:g} um"
+
+    def _keep_point(self, number: int, cell: str, angle: float, deviation: float) -> None:
+        closes = angle == self._to_deg
+        if closes and (self._from_deg not in self._line_of_angle or self._to_deg > _TURN_DEG):
+            limit = self._within(ANGLE, angle)[1]
+            self._refuse("trace.out_of_range", number, key=ANGLE, value=cell, limit=limit)
+            return
+        place = self._from_deg if closes else angle
+        if place not in self._line_of_angle:
+            self._line_of_angle[place] = number
+            self.first.append(angle if angle >= 0.0 else angle % _TURN_DEG)
+            self.second.append(deviation)
+            return
+        if closes and not self._closed and self._repeats_start(deviation):
+            self._closed = True
+            return
+        limit = f"{self.where}:{self._line_of_angle[place]}"
+        self._refuse("trace.duplicate_angle", number, key=ANGLE, value=cell, limit=limit)
+
+    def _repeats_start(self, deviation: float) -> bool:
+        at_start = self.second[list(self._line_of_angle).index(self._from_deg)]
+        return abs(deviation - at_start) <= CLOSING_TOLERANCE_UM
+
+    def _spoil(self, code: str, number: int, *, key: str = "", value: str, limit: str) -> None:
+        """Refuse the whole file for a cause that is on every line of it."""
+        self.spoilt = self._header_met = True
+        self.problems.clear()
+        self._refuse(code, number, key=key, value=value, limit=limit)
+
+    def _refuse(self, code: str, number: int, *, key: str = "", value: str = "", limit: str = "") -> None:
+        where, shown = f"{self.where}:{number}", printable(value, 60)
+        self.problems.append(Problem(code=code, where=where, key=printable(key, 60), value=shown, limit=limit))

@@ -1,0 +1,140 @@
+"""`console calibrate`: what was measured is fitted and told, kept only when asked, and never mixed in silently."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.session.interlocks import of_lobe
+from console.session.work import edited, opened
+from drivers.cut import Strategy
+from profiles.store import load_job, load_machine
+
+Console = Callable[..., Any]
+JOB = "lee-2001-experiment-1"
+INDEX = ("# state: free", "# direction: spindle", "# start_mark: spindle index")
+
+
+@pytest.fixture
+def wrench(tmp_path: Path) -> Path:
+    torque = np.repeat([10.0, 20.0, 30.0, 40.0, 50.0], 2)
+    force = 377.0 * torque + np.random.default_rng(2).normal(0.0, 150.0, 10)
+    rows = [f"{t:g};{f:.1f};x".replace(".", ",") for t, f in zip(torque, force, strict=True)]
+    path = tmp_path / "wrench.csv"
+    path.write_text("\n".join(["Torque (N m);Force (N);remark", *rows]), encoding="utf-8")
+    return path
+
+
+def trace(tmp_path: Path, *head: str, crest_deg: float = 92.0) -> Path:
+    angle = np.arange(360.0)
+    deviation = 27.5 * np.cos(3 * np.radians(angle - crest_deg)) + np.random.default_rng(1).normal(0.0, 0.3, 360)
+    rows = [f"{a:g},{d:.4f}" for a, d in zip(angle, deviation, strict=True)]
+    path = tmp_path / "trace.csv"
+    path.write_text("\n".join([*head, "angle_deg,deviation_um", *rows]), encoding="utf-8")
+    return path
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def test_a_wrench_is_fitted_and_not_kept(console: Console, wrench: Path, data_folder: Path) -> None:
+    said = console("calibrate", "chuck", str(wrench), "--torque", "30", "--force", "11310", "--json")
+    assert said.code == 0
+    assert said.json["found"]["slope_n_per_n_m"] == pytest.approx(377.0, rel=0.02)
+    force, torque = said.json["asked"]["torque 30"], said.json["asked"]["force 11310"]
+    assert force["low"] < 11310 < force["high"] and torque["low"] < 30.0 < torque["high"]
+    assert (said.json["kept"], files(data_folder)) == (None, [])
+    assert "remark" in said.err
+
+
+def test_what_is_kept_is_added_and_shown_beside_the_next(
+    console: Console, wrench: Path, data_folder: Path
+) -> None:
+    for _ in range(2):
+        assert console("calibrate", "chuck", str(wrench), "--keep").code == 0
+    kept = files(data_folder)
+    assert len(kept) == 2 and all("calibrations/lee-2001-lathe/wrench-" in name for name in kept)
+    record = json.loads((data_folder / kept[0]).read_text())
+    assert (record["kind"], record["subject"], len(record["file_sha256"])) == ("wrench", "lee-2001-lathe", 64)
+    last = json.loads((data_folder / kept[-1]).read_text())
+    assert f"kept on {last['date']}: force_per_torque" in console("calibrate", "chuck", str(wrench)).out
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("torque_n_m,force_n\n1,-2\n", ("t.csv:2", "force_n", "-2")),
+        ("torque_n_m,force_n\n1,2\n", ("t.csv", "1 measurements", ">= 4")),
+        ("chucking_force_n,load_n,angle_deg,diameter_mm,overhang_mm,deflection_um\n", ("youngs_modulus_gpa",)),
+    ],
+)
+def test_a_table_that_cannot_be_used_is_one_line(
+    console: Console, tmp_path: Path, text: str, words: tuple[str, ...]
+) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    said = console("calibrate", "chuck", str(path))
+    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
+    for word in words:
+        assert word in said.err
+
+
+def test_the_lobe_of_a_trace_becomes_the_error_of_a_copy(
+    console: Console, tmp_path: Path, data_folder: Path
+) -> None:
+    said = console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", JOB, "--keep", "--json")
+    assert said.code == 0
+    kept = load_job(f"{JOB}-2", data_folder / "trilobe" / "jobs")
+    assert (str(kept.path), kept.sha256) == (said.json["job"], said.json["revision"])
+    assert (kept.job.name, kept.job.lobe_error_source) == (f"{JOB}-2", "fitted")
+    assert (kept.job.lobe_error_um_pp, kept.job.lobe_phase_deg) == pytest.approx((55.0, 92.0), abs=0.15)
+    assert kept.job.lobe_spindle_speed_rpm == 1000.0
+    record = json.loads(Path(said.json["kept"]).read_text())
+    assert record["found"]["job_before"]["lobe_error_um_pp"] == 55.0
+    assert record["subject_sha256"] == kept.sha256
+
+
+def test_an_own_job_keeps_its_file_and_its_remarks(
+    console: Console, tmp_path: Path, job_file: Callable[..., Path]
+) -> None:
+    path = job_file()
+    assert console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", str(path), "--keep").code == 0
+    assert load_job(str(path)).job.lobe_error_source == "fitted"
+    assert "# Table 6" in path.read_text()
+
+
+def test_an_unknown_phase_keeps_nothing_and_tells_the_amplitude(
+    console: Console, tmp_path: Path, data_folder: Path
+) -> None:
+    path = str(trace(tmp_path))
+    said = console("calibrate", "lobe", path, "--job", JOB, "--keep")
+    assert (said.code, files(data_folder)) == (1, [])
+    assert "55." in said.out and "spindle angle" not in said.out
+    assert "phase" in said.err and "jaw_1_deg" in said.err
+    seen = console("calibrate", "lobe", path, "--job", JOB, "--json")
+    assert (seen.code, seen.json["crest_deg"]) == (0, None)
+    assert seen.json["error_um_pp"] == pytest.approx(55.0, abs=0.15)
+
+
+def test_a_lobe_that_is_changed_by_hand_is_an_assumed_one() -> None:
+    job = replace(load_job(JOB).job, lobe_error_source="fitted")
+    work = opened(replace(load_job(JOB), job=job), load_machine("lee-2001-lathe"))
+    assert edited(work, "feed_mm_per_rev", "0.04").job.lobe_error_source == "fitted"
+    assert edited(work, "lobe_error_um_pp", "40").job.lobe_error_source == "assumed"
+    assert edited(work, "lobe_error_source", "measured").job.lobe_error_source == "measured"
+
+
+def test_a_cut_unlike_the_calibration_cut_is_not_armed_except_a_plain_one() -> None:
+    machine = load_machine("lee-2001-lathe")
+    work = edited(opened(load_job(JOB), machine), "spindle_speed_rpm", "800")
+    assert [problem.key for problem in of_lobe(work.job, machine.machine, Strategy.PVT).problems] == [
+        "spindle_speed_rpm"
+    ]
+    assert of_lobe(work.job, machine.machine, Strategy.NONE).holds

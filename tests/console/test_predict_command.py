@@ -1,0 +1,58 @@
+"""`console predict`: the same numbers in words and in JSON, and a job that cannot be predicted is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+
+def test_json_has_the_error_over_angle_and_z(console: Console) -> None:
+    seen = console("predict", "lee-2001-experiment-1", "--json").json
+    error = np.array(seen["error_um"])
+    assert error.shape == (len(seen["z_mm"]), len(seen["angle_deg"])) == (7, 360)
+    assert seen["error_um_pp"] == pytest.approx(np.ptp(error, axis=1).tolist())
+    assert seen["angle_deg"][int(error[0].argmax())] % 120 == 90
+    assert (seen["cut"]["mechanism"], seen["cut"]["high_at_jaws"]) == ("spring_back", True)
+    assert seen["cut"]["measured_um_pp"] == 55.0
+    assert 3077 < seen["cut"]["matching_force_n"] < 6593
+    assert seen["clamping"]["minimum_n"] < seen["clamping"]["at_rest_n"] < seen["clamping"]["maximum_n"]
+    assert seen["process"]["force"]["main_n"] == pytest.approx(7.40, abs=0.005)
+    assert {finding["severity"] for finding in seen["findings"]} == {"ok"}
+
+
+@pytest.mark.parametrize(("language", "words"), [("en", "springs back"), ("ko", "탄성 복원")])
+def test_people_read_the_same_numbers(console: Console, language: str, words: str) -> None:
+    seen = console("predict", "lee-2001-experiment-1", "--json").json
+    said = console("predict", "lee-2001-experiment-1", "--lang", language)
+    assert said.code == 0
+    for number in (f"{seen['cut']['um_pp']:.2f} um", f"{seen['cut']['matching_force_n']:.0f} N", words):
+        assert number in said.out
+    assert "{" not in said.out
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"material": '"cheese"'}, "cheese"),
+        ({"chucking_force_n": "344.0"}, "hold"),
+    ],
+)
+def test_what_cannot_be_predicted_is_refused(
+    console: Console, job_file: JobFile, changes: dict[str, str], said: str
+) -> None:
+    answer = console("predict", str(job_file(**changes)))
+    assert (answer.code, answer.out) == (1, "")
+    assert said in answer.err
+
+
+def test_a_job_that_clamps_too_hard_is_warned_and_predicted(console: Console, job_file: JobFile) -> None:
+    answer = console("predict", str(job_file(chucking_force_n="6500.0", lobe_force_n="6500.0")))
+    assert answer.code == 0
+    assert "!  stress under the jaws" in answer.out

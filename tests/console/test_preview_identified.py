@@ -1,0 +1,178 @@
+"""`console preview` with an identified response: what is left and its band, and files that belong elsewhere."""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.session.foreseen import predicted_band
+from console.session.preview import predict, preview
+from drivers.cut import Strategy, plan_cut
+from drivers.identification.nominal import path_response
+from drivers.identification.result import SCHEMA
+from profiles.response import ServoResponse, identified_response
+from profiles.rules import check, refusals
+from profiles.servo import sampled_response
+from profiles.store import load_job, load_machine
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+EXPERIMENT = "lee-2001-experiment-1"
+JOB = load_job(EXPERIMENT).job
+MACHINE = load_machine("lee-2001-lathe").machine
+SHORT = replace(JOB, cut_length_mm=1.0)
+
+# A lathe that is not as its profile says: 10 % more mass and 10 % less thrust.
+TRUE = replace(
+    MACHINE,
+    tool=replace(
+        MACHINE.tool,
+        moving_mass_kg=1.1 * MACHINE.tool.moving_mass_kg,
+        amplifier_gain_a_per_v=0.9 * MACHINE.tool.amplifier_gain_a_per_v,
+    ),
+)
+
+
+def point(frequency_hz: float, response: complex) -> dict[str, float]:
+    return {
+        "frequency_hz": frequency_hz,
+        "gain": abs(response),
+        "phase_deg": math.degrees(cmath.phase(response)),
+        "gain_ci": 0.002,
+        "phase_ci_deg": 0.13,
+        "coherence": 0.999,
+        "amplitude_um": 25.0,
+    }
+
+
+def file_of(folder: Path, path: str = "pvt", *frequencies_hz: float, **origin: object) -> Path:
+    """A file as `console identify` keeps it, of the true lathe."""
+    gains = {f"I{number}": MACHINE.controller.variables[f"I{number}"] for number in range(130, 136)}
+    told = {"machine": MACHINE.name, "simulated": False, "version": "1.17", "kind": "PMAC1, X1", "gains": gains}
+    period_ms = MACHINE.controller.servo_period_ms
+    delay_s = {"pvt": 0.0, "cam": 1.0}[path] * period_ms / 1000.0
+    points = [
+        point(hz, complex(sampled_response(TRUE, hz)) * cmath.exp(-2j * math.pi * hz * delay_s))
+        for hz in frequencies_hz or (10.0, 30.0, 50.0, 70.0)
+    ]
+    table = {
+        "schema": SCHEMA,
+        "origin": {**told, "servo_period_ms": period_ms, **origin},
+        "path": path,
+        "how": "measured",
+        "delay_cycles": 0,
+        "date": "2001-11-30T14:05:00.000Z",
+        "points": points,
+    }
+    file = folder / "there.json"
+    file.write_text(json.dumps(table), encoding="ascii")
+    return file
+
+
+def of_true_lathe() -> ServoResponse:
+    here = point(50.0, complex(sampled_response(TRUE, 50.0)))
+    names = ("frequency_hz", "gain", "phase_deg", "gain_ci", "phase_ci_deg")
+    return identified_response(**{name: [here[name]] for name in names}, name="there")
+
+
+def test_the_true_lathe_leaves_a_trace_of_what_the_model_would_have_left() -> None:
+    """9.1 um of 55 by the arithmetic of the inverse; nothing of it where the axis was identified."""
+    by_model = predict(SHORT, TRUE, plan_cut(SHORT, MACHINE, Strategy.PVT))
+    assert by_model.ront_um == pytest.approx(9.1, abs=0.2)
+    plan = plan_cut(SHORT, MACHINE, Strategy.PVT, response=of_true_lathe())
+    assert predict(SHORT, TRUE, plan).ront_um < 0.1
+    # And so says the preview, which knows of the lathe by the response alone.
+    assert predict(SHORT, MACHINE, plan, of_true_lathe()).ront_um < 0.1
+
+
+def test_the_band_of_the_model_has_the_true_lathe_in_it_and_identification_narrows_it() -> None:
+    by_model, found = preview(SHORT, MACHINE), preview(SHORT, MACHINE, Strategy.PVT, of_true_lathe())
+    wide, narrow = (predicted_band(seen, Strategy.PVT) for seen in (by_model, found))
+    assert wide is not None
+    assert narrow is not None
+    assert wide.low_um <= 9.1 <= wide.high_um
+    assert wide.servo_um == pytest.approx(55.0 * path_response(Strategy.PVT, MACHINE).relative_95(50.0), rel=0.01)
+    # 0.002 in 0.786, of 55 um
+    assert narrow.servo_um == pytest.approx(55.0 * 0.0025, rel=0.1)
+    assert (narrow.clamping_um, narrow.cutting_um) == (wide.clamping_um, wide.cutting_um)
+    assert predicted_band(by_model, Strategy.NONE).servo_um == pytest.approx(0.0, abs=1e-6)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("path", ["pvt", "cam"])
+def test_what_is_foreseen_is_of_the_strategy_whose_path_was_identified(
+    console: Console, tmp_path: Path, job_file: JobFile, path: str
+) -> None:
+    words = (str(job_file(cut_length_mm="1.0")), "--strategy", path, "--identified", str(file_of(tmp_path, path)))
+    seen = console("preview", *words, "--json")
+    assert seen.code == 0
+    found = seen.json
+    assert (found["strategy"], found["response"]["source"], found["response"]["name"]) == (
+        path,
+        "identified",
+        "there.json",
+    )
+    assert found["predicted"]["before"]["ront_um"] == pytest.approx(55.0)
+    assert found["predicted"]["after"]["ront_um"] < 0.1
+    band = found["predicted"]["band"]
+    assert [each["code"] for each in band["because"]] == ["band.servo.identified", "band.clamping", "band.cutting"]
+    assert band["low_um"] <= found["predicted"]["after"]["ront_um"] <= band["high_um"]
+    way = {name: np.array(values) for name, values in found["trajectory"].items()}
+    left_um = JOB.lobe_error_um_pp / 2 * np.cos(3 * np.radians(way["angle_deg"] - 90.0)) - way["path_um"]
+    assert way["residual_um"] == pytest.approx(left_um - left_um.mean(), abs=1e-9)
+    assert 2 * found["command"]["amplitude_um"] == pytest.approx(np.ptp(way["command_um"]), rel=0.01)
+
+
+def test_the_highest_safe_speed_is_where_the_first_limit_is_reached(console: Console, job_file: JobFile) -> None:
+    found = console("preview", str(job_file(cut_length_mm="1.0")), "--json").json
+    fastest, margins = found["envelope"]["highest_safe_rpm"], found["margins"]
+    at_job = found["envelope"]["at_job"]
+    assert fastest == min(at_job["max_rpm"].values()) == at_job["max_rpm"][at_job["binding"]]
+    assert {row["binding"] for row in found["envelope"]["rows"]} <= set(at_job["max_rpm"])
+    assert not refusals(check(replace(JOB, spindle_speed_rpm=math.floor(fastest)), MACHINE))
+    # 31.05 um at 50 Hz make 9.76 mm/s of 100, and 10.4 N rms of 400
+    assert margins["velocity_mm_per_s_percent"] == pytest.approx(9.76, abs=0.02)
+    assert margins["force_rms_n_percent"] == pytest.approx(2.59, abs=0.01)
+    assert margins["voltage_v_percent"] is None
+    assert 0.0 < margins["grip_n_percent"] < 100.0
+
+
+@pytest.mark.parametrize(
+    ("origin", "said"),
+    [
+        ({"machine": "another"}, "identified with machine another, here it is lee-2001-lathe"),
+        ({"gains": {"I130": 400.0}}, "identified with I130 400, here it is 528"),
+        ({"kind": "TURBO PMAC2"}, "identified with controller TURBO PMAC2, here it is pmac"),
+    ],
+)
+def test_a_response_of_another_machine_is_refused(
+    console: Console, tmp_path: Path, origin: dict[str, object], said: str
+) -> None:
+    refused = console("preview", EXPERIMENT, "--identified", str(file_of(tmp_path, **origin)))  # type: ignore[arg-type]
+    assert refused.code == 1
+    assert said in refused.err
+
+
+def test_people_are_told_what_is_inverted_what_is_left_and_how_fast_it_may_turn(
+    console: Console, tmp_path: Path, job_file: JobFile
+) -> None:
+    shown = console("preview", str(job_file(cut_length_mm="1.0")), "--identified", str(file_of(tmp_path))).out
+    for words in ("identified there.json, ± 0.2", "left with pvt, with its band", "1400 rpm (response to invert)"):
+        assert words in shown
+
+
+def test_a_response_of_another_path_or_band_is_refused(console: Console, tmp_path: Path) -> None:
+    file = str(file_of(tmp_path))
+    refused = console("preview", EXPERIMENT, "--identified", file, "--strategy", "none")
+    assert (refused.code, "identified with strategy pvt, here it is none" in refused.err) == (1, True)
+    away = str(file_of(tmp_path, "pvt", 10.0, 20.0, 30.0))
+    refused = console("preview", EXPERIMENT, "--identified", away)
+    assert (refused.code, "50 Hz was not identified (from 10 … 30 Hz)" in refused.err) == (1, True)

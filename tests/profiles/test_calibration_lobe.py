@@ -1,0 +1,94 @@
+"""The lobe of a part becomes the error of its job: where it stands on the spindle, and under which conditions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe
+from profiles.job import Job
+from profiles.lobe_conditions import pinned
+from profiles.store import load_job
+from profiles.traces import Trace
+
+ASSUMED = load_job("lee-2001-experiment-1").job
+"""Its jaw 1 stands at 90 deg, which is assumed."""
+JOB = replace(ASSUMED, assumed=())
+ANGLE = np.arange(720) / 2.0
+INDEX = {"direction": "spindle", "start_mark": "spindle index"}
+
+
+def found(crest_deg: float, meta: dict[str, str], job: Job = JOB, amplitude: float = 27.5) -> FoundLobe:
+    deviation = amplitude * np.cos(3 * np.radians(ANGLE - crest_deg)) + 3.0 * np.cos(np.radians(ANGLE))
+    noise = np.random.default_rng(1).normal(0.0, 0.02, ANGLE.size)
+    return find_lobe(Trace(angle_deg=ANGLE, deviation_um=deviation + noise, meta=meta), job)
+
+
+def codes(lobe: FoundLobe) -> list[str]:
+    return [problem.code for problem in lobe.reasons]
+
+
+@pytest.mark.parametrize(
+    ("crest_deg", "meta", "crest", "past"),
+    [
+        (92.0, INDEX, 92.0, 2.0),
+        (212.0, INDEX, 92.0, 2.0),
+        (33.0, INDEX, 33.0, -57.0),
+        (268.0, {**INDEX, "direction": "ccw"}, 92.0, 2.0),
+        (2.0, {"direction": "cw", "jaw_1_deg": "0"}, 92.0, 2.0),
+        (15.0, {"direction": "ccw", "jaw_1_deg": "20"}, 95.0, 5.0),
+        (72.0, {**INDEX, "jaw_1_deg": "70"}, 72.0, 2.0),
+    ],
+)
+def test_the_crest_is_brought_to_the_spindle(
+    crest_deg: float, meta: dict[str, str], crest: float, past: float
+) -> None:
+    lobe = found(crest_deg, meta)
+    assert (lobe.crest_deg, lobe.past_jaw_deg) == pytest.approx((crest, past), abs=0.01)
+    assert codes(lobe) == []
+
+
+def test_a_trace_of_unknown_phase_has_an_amplitude_only() -> None:
+    metas: tuple[dict[str, str], ...] = (
+        {},
+        {"direction": "cw"},
+        {"jaw_1_deg": "0"},
+        {"start_mark": "spindle index"},
+    )
+    for meta in metas:
+        lobe = found(92.0, meta)
+        assert (codes(lobe), lobe.crest_deg) == (["lobe.phase_unknown"], None)
+        assert lobe.fit.error_um_pp == pytest.approx(55.0, abs=0.02)
+        with pytest.raises(ValueError):
+            with_lobe(JOB, lobe, chuck="", tool="")
+
+
+def test_other_reasons_against_it() -> None:
+    assert codes(found(92.0, {**INDEX, "state": "clamped"})) == ["lobe.not_free"]
+    assert codes(found(92.0, {**INDEX, "method": "v_block"})) == ["lobe.method"]
+    assert codes(found(92.0, INDEX, amplitude=0.0)) == ["lobe.not_significant"]
+    filtered = found(92.0, {**INDEX, "filter_upr": "15"})
+    assert [(problem.code, problem.value) for problem in filtered.warnings] == [("lobe.filtered", "2.7 %")]
+
+
+def test_the_job_gets_the_lobe_with_the_conditions_of_its_cut() -> None:
+    job = with_lobe(JOB, found(92.0, INDEX), chuck="3-jaw 160", tool="")
+    assert (job.lobe_error_um_pp, job.lobe_phase_deg) == pytest.approx((55.0, 92.0), abs=0.02)
+    assert (job.lobe_error_source, job.lobe_chuck, job.lobe_tool) == ("fitted", "3-jaw 160", None)
+    assert job.jaw_1_deg == pytest.approx(90.0)
+    assert pinned(job) == job
+    again = with_lobe(job, found(92.0, INDEX, job), chuck="3-jaw 160", tool="")
+    assert again.jaw_1_deg == pytest.approx(90.0)  # calibrated twice, jaw 1 has not moved
+
+
+def test_what_was_assumed_stays_assumed() -> None:
+    by_index = with_lobe(ASSUMED, found(92.0, INDEX, ASSUMED), chuck="", tool="")
+    assert {"lobe_force_n", "chucking_force_n"} <= set(by_index.assumed)
+    assert not {"lobe_phase_deg", "lobe_spindle_speed_rpm", "lobe_error_um_pp"} & set(by_index.assumed)
+    assert by_index.lobe_past_jaw_deg is None  # nobody knows where jaw 1 was
+    later = found(92.0, INDEX, by_index)
+    assert later.past_jaw_deg is None
+    by_jaw = with_lobe(ASSUMED, found(2.0, {"direction": "cw", "jaw_1_deg": "0"}, ASSUMED), chuck="", tool="")
+    assert "lobe_phase_deg" in by_jaw.assumed and by_jaw.lobe_past_jaw_deg == pytest.approx(2.0, abs=0.01)

@@ -1,0 +1,87 @@
+"""Force by torque: the line, its confidence and the way back, against repeated experiments."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from profiles.calibration.wrench import WrenchFit, fit_wrench
+from profiles.problem import ProfileError
+
+TORQUE = np.repeat([10.0, 20.0, 30.0, 40.0, 50.0], 3)
+SLOPE = 2 * math.pi * 0.12 * 4 / 0.008
+"""Scroll chuck: 2 pi eta i / p with eta 0.12, i 4, p 8 mm: 50 N m give 18.8 kN."""
+
+
+def refused(torque: object, force: object) -> tuple[str, str]:
+    with pytest.raises(ProfileError) as caught:
+        fit_wrench(torque, force)  # type: ignore[arg-type]
+    return caught.value.problems[0].code, caught.value.problems[0].key
+
+
+def test_a_scroll_chuck_is_a_line_through_the_origin() -> None:
+    fit = fit_wrench(TORQUE, SLOPE * TORQUE)
+    assert fit.force_n(50.0).value == pytest.approx(18850, rel=1e-4)
+    assert fit.torque_n_m(18849.0).value == pytest.approx(50.0, rel=1e-4)
+    assert (fit.outliers, fit.misses, fit.intercept_n) == ((), False, 0.0)
+
+
+@pytest.mark.parametrize("affine", [False, True])
+def test_the_bands_hold_what_they_promise(affine: bool) -> None:
+    """600 calibrations: 95 % hold the slope, the force of the next clamping, and the torque it came from."""
+    rng, sd, offset = np.random.default_rng(6), 400.0, 900.0 if affine else 0.0
+    slope = forward = back = missed = strays = 0
+    for _ in range(600):
+        fit = fit_wrench(TORQUE, offset + SLOPE * TORQUE + rng.normal(0.0, sd, TORQUE.size), affine=affine)
+        slope += abs(fit.slope_n_per_n_m - SLOPE) < fit.slope_ci
+        next_n = offset + SLOPE * 35.0 + rng.normal(0.0, sd)
+        band, torque = fit.force_n(35.0), fit.torque_n_m(next_n)
+        forward += band.low < next_n < band.high
+        back += torque.low < 35.0 < torque.high
+        missed += fit.misses
+        strays += bool(fit.outliers)
+    shares = np.array([slope, forward, back]) / 600
+    assert shares == pytest.approx(0.95, abs=0.027)  # three sd of a share of 600
+    assert (missed / 600, strays / 600) == pytest.approx((0.05, 0.05), abs=0.027)
+
+
+def test_the_way_back_is_the_same_band() -> None:
+    fit = noisy(1)
+    force = fit.force_n(30.0)
+    assert fit.torque_n_m(force.high).low == pytest.approx(30.0, rel=1e-9)
+    assert fit.torque_n_m(force.low).high == pytest.approx(30.0, rel=1e-9)
+
+
+def noisy(seed: int, bent: float = 0.0, repeated: bool = True) -> WrenchFit:
+    torque = TORQUE if repeated else np.linspace(10.0, 50.0, 15)
+    noise = np.random.default_rng(seed).normal(0.0, 300.0, 15)
+    return fit_wrench(torque, SLOPE * torque * (1 - bent * torque) + noise)
+
+
+@pytest.mark.parametrize("repeated", [True, False])
+def test_a_chuck_that_sticks_is_no_line(repeated: bool) -> None:
+    assert not noisy(3, repeated=repeated).misses
+    assert noisy(3, bent=0.005, repeated=repeated).misses
+
+
+def test_a_clamping_that_stands_off_is_named_and_kept() -> None:
+    force = SLOPE * TORQUE + np.random.default_rng(5).normal(0.0, 300.0, 15)
+    force[7] -= 3000.0
+    fit = fit_wrench(TORQUE, force)
+    assert (fit.outliers, fit.points) == ((7,), 15)
+
+
+def test_what_gives_no_line_is_refused() -> None:
+    assert refused([10.0, 20.0, 30.0], [1.0, 2.0, 3.0])[0] == "calibration.few_points"
+    assert refused([20.0] * 6, [1.0] * 6) == ("calibration.alike", "torque_n_m")
+    assert refused([1.0, 2.0, 3.0, 0.0], [1.0] * 4) == ("calibration.not_positive", "torque_n_m")
+    assert refused([1.0, 2.0, 3.0, 4.0], [1.0, 2.0, math.nan, 1.0]) == ("calibration.not_positive", "force_n")
+    assert refused([10.0, 20.0, 30.0, 40.0], [9000.0, 10.0, 1.0, 1.0])[0] == "calibration.no_slope"
+    with pytest.raises(ProfileError) as caught:
+        noisy(1).force_n(80.0)
+    assert (caught.value.problems[0].code, caught.value.problems[0].limit) == (
+        "calibration.outside",
+        "10 … 50 N m",
+    )

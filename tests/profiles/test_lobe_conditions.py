@@ -1,0 +1,55 @@
+"""A compensation holds for the cut in which its error was found: force, speed, lengths, chuck and tool."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from profiles.lobe_conditions import force_as_found, lobe_differences, pinned
+from profiles.rules import Severity, check
+from profiles.store import load_job, load_machine
+
+JOB = pinned(load_job("lee-2001-experiment-1").job)
+LATHE = load_machine("lee-2001-lathe").machine
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({}, None),
+        ({"spindle_speed_rpm": 1020.0}, None),
+        ({"spindle_speed_rpm": 979.0}, "spindle_speed_rpm"),
+        ({"overhang_mm": 30.1}, None),
+        ({"overhang_mm": 29.89}, "overhang_mm"),
+        ({"wall_thickness_mm": 2.61}, "wall_thickness_mm"),
+        ({"diameter_mm": 53.0}, "diameter_mm"),
+        ({"lobe_chuck": "collet"}, "chuck.name"),
+        ({"lobe_chuck": "scroll 160", "lobe_tool": "CCMT"}, None),
+        ({"lobe_tool": "DCMT"}, "tool.name"),
+        ({"material": "S45C", "feed_mm_per_rev": 0.03}, None),
+        ({"spindle_speed_rpm": 800.0, "lobe_spindle_speed_rpm": None}, None),
+    ],
+)
+def test_what_differs_from_the_calibration_cut(change: dict[str, Any], key: str | None) -> None:
+    differing = lobe_differences(replace(JOB, **change), chuck="scroll 160", tool="CCMT")
+    assert [problem.key for problem in differing] == ([key] if key else [])
+
+
+@pytest.mark.parametrize(("force_n", "same"), [(1379.0, True), (1380.0, False), (1249.0, True), (1248.0, False)])
+def test_the_force_may_be_five_percent_off(force_n: float, same: bool) -> None:
+    assert force_as_found(replace(JOB, chucking_force_n=force_n)) is same
+
+
+def test_a_difference_is_a_warning_of_the_job() -> None:
+    named = replace(JOB, spindle_speed_rpm=800.0, overhang_mm=25.0, lobe_tool="CCMT")
+    found = [each for each in check(named, LATHE) if each.problem.code == "rule.lobe_differs"]
+    assert {each.severity for each in found} == {Severity.WARNING}
+    assert [(each.problem.key, each.problem.limit) for each in found] == [
+        ("spindle_speed_rpm", "1000 rpm"),
+        ("overhang_mm", "30 mm"),
+        ("tool.name", '"CCMT"'),
+    ]
+    (held,) = [each for each in check(JOB, LATHE) if each.problem.code == "rule.lobe_differs"]
+    assert held.severity is Severity.OK

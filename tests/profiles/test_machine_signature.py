@@ -1,0 +1,45 @@
+"""The signature under the safety devices of a machine profile says what was signed for."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+
+from profiles.machine import machine_from_table
+from profiles.machine_signature import iron_problems
+from profiles.problem import ProfileError
+from profiles.store import list_machines, load_machine
+
+BUNDLED = [entry.name for entry in list_machines()]
+
+
+def table(**safety: str | None) -> dict[str, Any]:
+    """The first bundled machine with other keys in [safety]; None takes a key away."""
+    read = tomllib.loads(load_machine(BUNDLED[0]).path.read_text(encoding="utf-8"))
+    section = read["safety"] | safety
+    return read | {"safety": {key: value for key, value in section.items() if value is not None}}
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_a_bundled_machine_is_signed_for_the_simulator_alone(name: str) -> None:
+    (problem,) = iron_problems(load_machine(name).machine)
+    assert (problem.code, problem.where, problem.value) == ("safety.signed_for_simulator", name, "simulator")
+
+
+def test_a_machine_that_somebody_has_signed_for_may_be_met() -> None:
+    signed = machine_from_table(table(signed_by="Kim, 2026-03-01", signed_for="machine"))
+    assert iron_problems(signed) == ()
+    assert iron_problems(machine_from_table(table(signed_by=None, signed_for=None))) == ()
+
+
+@pytest.mark.parametrize(
+    ("signed_for", "code"), [(None, "key.missing"), ("", "value.not_choice"), ("iron", "value.not_choice")]
+)
+def test_a_signature_says_what_was_signed_for(signed_for: str | None, code: str) -> None:
+    with pytest.raises(ProfileError) as refusal:
+        machine_from_table(table(signed_by="Kim, 2026-03-01", signed_for=signed_for), where="lathe.toml")
+    (problem,) = refusal.value.problems
+    assert (problem.code, problem.where, problem.key) == (code, "lathe.toml", "safety.signed_for")
+    assert problem.limit == "machine | simulator"

@@ -1,0 +1,190 @@
+"""What a plain cut will leave, and which mechanism leaves it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from profiles.chucking.diagnosis import Mechanism, diagnose
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.prediction import Prediction, predict
+from profiles.problem import ProfileError
+from profiles.rules import Severity
+from profiles.store import load_job, load_machine
+
+ONE = load_job("lee-2001-experiment-1").job
+TWO = load_job("lee-2001-experiment-2").job
+LATHE = load_machine("lee-2001-lathe").machine
+BAR = replace(
+    ONE,
+    material="steel",
+    diameter_mm=65.0,
+    wall_thickness_mm=32.5,
+    overhang_mm=125.0,
+    chucking_force_n=5000.0,
+    lobe_force_n=5000.0,
+)
+
+
+def warned(found: Prediction) -> set[str]:
+    return {f.problem.code for f in found.findings if f.severity is Severity.WARNING}
+
+
+def still(job: Job) -> Job:
+    """The job at a speed that takes next to nothing of the force."""
+    return replace(job, spindle_speed_rpm=1.0)
+
+
+def test_a_ring_without_overhang_springs_back_by_55_um_high_at_the_jaws() -> None:
+    """438 N on each of three jaws, OD 52, wall 2.5, 40 mm long; the tool itself changes it by little."""
+    job = still(replace(ONE, overhang_mm=1e-6, cut_length_mm=1e-7))
+    found = predict(job, LATHE)
+    sprung = found.parts_um[Mechanism.SPRING_BACK]
+    assert np.ptp(sprung, axis=1) == pytest.approx(np.full(7, 55.0), rel=2e-3)
+    assert found.cut.mechanism is Mechanism.SPRING_BACK
+    assert (found.angle_deg[sprung[0].argmax()] - job.jaw_1_deg) % 120 == 0
+    assert found.error_um == pytest.approx(sprung + found.parts_um[Mechanism.WALL])
+    assert found.cut.crest_deg == pytest.approx(job.jaw_1_deg)
+
+
+@pytest.mark.parametrize("job", [ONE, TWO])
+def test_the_papers_errors_follow_from_the_papers_chucking_forces(job: Job) -> None:
+    """55 and 33 um where they were cut need 4.9 and 3.9 kN; the paper chucked with 3.1 to 6.6 kN."""
+    found = predict(job, LATHE)
+    assert found.cut.measured_um_pp == job.lobe_error_um_pp
+    assert found.cut.matching_force_n is not None
+    assert 3077 < found.cut.matching_force_n < 6593
+    matched = predict(replace(job, chucking_force_n=found.cut.matching_force_n), LATHE)
+    assert matched.cut.um_pp == pytest.approx(job.lobe_error_um_pp)
+
+
+def test_rotation_takes_force_and_lobe_alike() -> None:
+    slow, fast = predict(still(ONE), LATHE), predict(ONE, LATHE)
+    share = fast.cut.spring_back_um_pp / slow.cut.spring_back_um_pp
+    assert share == pytest.approx((1314 - 230.29) / 1314, abs=1e-4)
+
+
+def test_six_jaws_at_the_same_force_leave_a_nineteenth() -> None:
+    job = still(replace(ONE, overhang_mm=1e-6, cut_length_mm=1e-7))
+    three, six = (predict(replace(job, jaws=jaws), LATHE).cut.spring_back_um_pp for jaws in (3, 6))
+    assert three / six == pytest.approx(19.1, abs=0.1)
+
+
+def test_the_force_spreads_into_the_error() -> None:
+    found = predict(still(ONE), LATHE)
+    assert found.cut.sd_um_pp == pytest.approx(0.05 * found.cut.spring_back_um_pp, rel=1e-3)
+
+
+def test_error_over_the_stock_and_the_second_pass() -> None:
+    job = still(replace(ONE, overhang_mm=1e-6, cut_length_mm=1e-7, lobe_error_um_pp=0.0))
+    found = predict(job, LATHE)
+    assert found.stock_mm[[0, -1]] == pytest.approx([0.0, 0.1])
+    assert found.stock_um_pp[-1] / found.stock_um_pp[0] == pytest.approx(1.124, abs=2e-3)
+    assert "rule.second_pass" in warned(found)
+    assert "rule.second_pass" not in warned(predict(replace(job, roundness_tolerance_um=8.0), LATHE))
+
+
+def test_a_solid_bar_stands_in_its_contacts() -> None:
+    found = predict(BAR, LATHE)
+    assert found.cut.mechanism is Mechanism.CONTACT
+    assert 0 < found.cut.um_pp < 0.1
+    assert (np.diff(found.error_um_pp) > 0).all()
+    assert (np.diff(found.size_um) > 0).all()
+    assert found.cut.matching_force_n is None
+    # The tool pushes from the other side: soft, so high, where a jaw stands at the tool.
+    high_deg = found.angle_deg[found.error_um[-1].argmax()]
+    assert (high_deg - BAR.jaw_1_deg) % 120 == pytest.approx(0, abs=1)
+    assert predict(replace(BAR, jaws=4), LATHE).cut.um_pp == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["steel-bar-65", "thin-ring-3-jaws", "thin-ring-6-jaws", "two-jaw-tube"])
+def test_the_bundled_model_errors_are_those_of_the_model(name: str) -> None:
+    job = load_job(name).job
+    found = predict(job, LATHE)
+    assert job.lobe_error_source == "model"
+    assert found.cut.um_pp == pytest.approx(job.lobe_error_um_pp, rel=0.13, abs=5e-4)
+    assert warned(found) == set()
+
+
+def test_two_jaws_make_an_oval() -> None:
+    found = predict(replace(ONE, jaws=2, chucking_force_n=700.0), LATHE)
+    spectrum = np.abs(np.fft.rfft(found.error_um[0]))
+    assert spectrum.argmax() == 2
+    assert found.cut.um_pp > 10 * predict(replace(ONE, chucking_force_n=700.0), LATHE).cut.um_pp
+
+
+def test_warnings_of_the_process() -> None:
+    assert warned(predict(ONE, LATHE)) == set()
+    deeper = replace(ONE, depth_of_cut_mm=0.2)
+    assert warned(predict(deeper, LATHE)) == {"rule.chatter_width"}
+    ringing = replace(LATHE, chuck=replace(LATHE.chuck, work_mode_hz=151.0))
+    assert warned(predict(ONE, ringing)) == {"rule.mode_near"}
+
+
+def test_a_lobed_blank_pushes_the_soft_tool() -> None:
+    """dFp/dap = 0.4 x 0.074 N/um over half of the error, times 1.495 um/N at 50 Hz."""
+    process = predict(ONE, LATHE).process
+    assert process.lobed_force_n == pytest.approx(0.4 * 0.0740 * predict(ONE, LATHE).cut.um_pp / 2, rel=1e-3)
+    assert process.lobed_motion_um / process.lobed_force_n == pytest.approx(1.4951, abs=1e-3)
+    assert 0 < process.copying.share_left() < 0.1
+
+
+def test_angles_and_places_may_be_asked_for() -> None:
+    found = predict(ONE, LATHE, angle_deg=[0.0, 90.0, 210.0], z_mm=[5.0, 26.0])
+    assert found.error_um.shape == (2, 3)
+    assert found.error_um[:, 1] == pytest.approx(found.error_um[:, 2])
+    assert not found.error_um.flags.writeable
+    with pytest.raises(ProfileError, match="z_mm"):
+        predict(ONE, LATHE, z_mm=30.1)
+    with pytest.raises(ProfileError, match="z_mm"):
+        predict(ONE, LATHE, z_mm=float("nan"))
+
+
+@pytest.mark.parametrize(
+    ("job", "code"),
+    [
+        (replace(ONE, material="cheese"), "rule.material_unknown"),
+        (replace(ONE, chucking_force_n=300.0), "rule.grip_margin"),
+        (replace(ONE, wall_thickness_mm=27.0), "rule.wall_over_radius"),
+        (replace(ONE, wall_thickness_mm=0.1), "rule.depth_over_wall"),
+    ],
+)
+def test_what_cannot_be_held_or_cut_is_refused(job: Job, code: str) -> None:
+    with pytest.raises(ProfileError) as caught:
+        predict(job, LATHE)
+    assert [problem.code for problem in caught.value.problems] == [code]
+
+
+def test_what_no_profile_says_is_named() -> None:
+    assert predict(ONE, LATHE).assumed == ()
+    bare: MachineProfile = replace(LATHE, chuck=replace(LATHE.chuck, jaw_length_mm=None, jaw_friction=None))
+    assert predict(ONE, bare).assumed == ("chuck.jaw_length_mm", "chuck.jaw_friction")
+
+
+@pytest.mark.parametrize(
+    ("crest_deg", "jaws", "thin", "high", "mechanism"),
+    [
+        (90.0, 3, True, True, Mechanism.SPRING_BACK),
+        (210.0 + 5.0, 3, True, True, Mechanism.SPRING_BACK),
+        (150.0, 3, True, False, Mechanism.WALL),
+        (120.0, 3, True, None, None),  # a quarter of a lobe: Eq 3, or jaw 1 is marked wrongly
+        (90.0, 3, False, True, Mechanism.CONTACT),
+        (150.0, 3, False, False, None),
+        (180.0, 2, False, False, Mechanism.CONTACT),
+    ],
+)
+def test_the_sign_at_the_jaws_tells_clamping_from_compliance(
+    crest_deg: float, jaws: int, thin: bool, high: bool | None, mechanism: Mechanism | None
+) -> None:
+    found = diagnose(crest_deg=crest_deg, jaw_1_deg=90.0, jaws=jaws, thin=thin)
+    assert (found.high_at_jaws, found.mechanism) == (high, mechanism)
+
+
+def test_what_the_model_predicts_is_what_its_sign_is_taken_for() -> None:
+    for job in (ONE, BAR):
+        cut = predict(job, LATHE).cut
+        assert cut.crest_deg is not None
+        thin = job is ONE
+        seen = diagnose(crest_deg=cut.crest_deg, jaw_1_deg=job.jaw_1_deg, jaws=3, thin=thin)
+        assert seen.mechanism is cut.mechanism

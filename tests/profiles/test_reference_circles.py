@@ -1,0 +1,183 @@
+"""The four reference circles against published numbers, a plain linear programme, and what must always hold."""
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.optimize import linprog, minimize
+
+from profiles.metrology.circles import CIRCLES, Contact, limacon_circle
+from profiles.metrology.geometric import geometric_circle
+from profiles.problem import ProfileError
+from profiles.roundness import evaluate
+
+Floats = NDArray[np.float64]
+ANGLE = np.arange(3600) / 10
+THETA = np.radians(ANGLE)
+LOBES = 27.5 * np.sin(3 * THETA)
+EIGHT = [0.0, 3.0, 1.0, -2.0, 4.0, -1.0, 2.0, -3.0]
+
+
+def programmed_um(kind: str, angle_deg: Floats, deviation_um: Floats) -> float:
+    """What the circle optimises, by the plain linear programme over all points: zone, or radius."""
+    theta = np.radians(angle_deg)
+    x, y, one, none = np.cos(theta), np.sin(theta), np.ones(theta.size), np.zeros(theta.size)
+    outer, inner = np.column_stack((-x, -y, -one, none)), np.column_stack((x, y, none, one))
+    rows, limits, cost = {
+        "MZC": (np.vstack((outer, inner)), np.concatenate((-deviation_um, deviation_um)), [0, 0, 1, -1]),
+        "MCC": (outer, -deviation_um, [0, 0, 1, 0]),
+        "MIC": (inner, deviation_um, [0, 0, 0, -1]),
+    }[kind]
+    tight = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    bounds = [(None, None)] * 3 + [(None, None) if kind != "MCC" else (0, 0)]
+    if kind == "MIC":
+        bounds[2] = (0, 0)
+    found = linprog(cost, A_ub=rows, b_ub=limits, bounds=bounds, method="highs", options=tight)
+    assert found.success
+    return float(found.fun if kind != "MIC" else -found.fun)
+
+
+def alternating(contacts: tuple[Contact, ...]) -> bool:
+    sides = [contact.outer for contact in contacts]
+    return len(sides) == 4 and all(a is not b for a, b in itertools.pairwise(sides))
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (12.0, -7.0)])
+@pytest.mark.parametrize("kind", CIRCLES)
+def test_three_lobes_are_55_um_by_any_circle(kind: str, offset: tuple[float, float]) -> None:
+    circle = limacon_circle(kind, ANGLE, LOBES + offset[0] * np.cos(THETA) + offset[1] * np.sin(THETA))
+    assert circle.ront_um == pytest.approx(55, abs=1e-9)
+    assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx(offset, abs=1e-9)
+    radius_um = {"MCC": 27.5, "MIC": -27.5}.get(kind, 0.0)
+    assert circle.deviation_um == pytest.approx(radius_um, abs=1e-9)
+    assert (circle.ronp_um, circle.ronv_um) == pytest.approx((27.5 - radius_um, 27.5 + radius_um), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "ront_um", "x_um", "y_um"),
+    [
+        ("LSC", 6.310660, -0.469670, 0.633883),
+        ("MZC", 5.878680, -0.621320, 0.085786),
+        ("MCC", 6.414214, -1.0, 1.0),
+        ("MIC", 7.0, -1.414214, -0.707107),
+    ],
+)
+def test_eight_points(kind: str, ront_um: float, x_um: float, y_um: float) -> None:
+    circle = limacon_circle(kind, np.arange(8) * 45, EIGHT)
+    assert (circle.ront_um, circle.centre_x_um, circle.centre_y_um) == pytest.approx(
+        (ront_um, x_um, y_um), abs=1e-6
+    )
+    if kind == "MZC":
+        assert alternating(circle.contacts)
+
+
+def test_evaluating_a_trace_gives_all_four() -> None:
+    result = evaluate(np.arange(8) * 45, EIGHT, None)
+    assert [circle.kind for circle in result.circles] == list(CIRCLES)
+    assert result.circle("LSC").ront_um == pytest.approx(result.ront_um, abs=1e-12)
+    assert result.circle("MZC").centre_y_um == pytest.approx(0.085786, abs=1e-6)
+
+
+def test_the_zone_of_3600_rough_points_rests_on_four_that_alternate() -> None:
+    rough = LOBES + np.random.default_rng(7).normal(0, 1, 3600) + 30 * np.cos(THETA)
+    zone = limacon_circle("MZC", ANGLE, rough)
+    assert alternating(zone.contacts)
+    assert zone.ront_um == pytest.approx(programmed_um("MZC", ANGLE, rough), abs=1e-9)
+    left = rough - zone.centre_x_um * np.cos(THETA) - zone.centre_y_um * np.sin(THETA)
+    for contact in zone.contacts:
+        assert left[contact.index] == pytest.approx(left.max() if contact.outer else left.min(), abs=1e-9)
+
+
+ROUGH = st.floats(-100, 100)
+FEW_VALUES = st.sampled_from([-1.0, 0.0, 1.0])
+PROFILES = st.one_of(
+    st.lists(ROUGH, min_size=8, max_size=60),
+    st.lists(FEW_VALUES, min_size=8, max_size=60),
+    st.integers(8, 60).map(lambda size: [3.0] * size),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(PROFILES, st.sampled_from([1, 2, 3]), st.booleans())
+def test_each_circle_is_the_optimum_of_the_plain_programme(
+    values: list[float], turns: int, eccentric: bool
+) -> None:
+    """Degenerate profiles too: exact circles, few distinct values, several points at one angle."""
+    deviation = np.array(values * turns)
+    angle = np.tile(np.arange(len(values)) * 360 / len(values), turns)
+    deviation += np.repeat(np.arange(turns) * 0.5, len(values))
+    if eccentric:
+        deviation += 40 * np.cos(np.radians(angle))
+    zone, circumscribed, inscribed = (limacon_circle(kind, angle, deviation) for kind in CIRCLES[1:])
+    assert zone.ront_um == pytest.approx(programmed_um("MZC", angle, deviation), abs=1e-9)
+    assert circumscribed.deviation_um == pytest.approx(programmed_um("MCC", angle, deviation), abs=1e-9)
+    assert inscribed.deviation_um == pytest.approx(programmed_um("MIC", angle, deviation), abs=1e-9)
+    if len({contact.angle_deg for contact in zone.contacts}) == 4:
+        assert alternating(zone.contacts)
+
+
+@given(st.lists(ROUGH, min_size=16, max_size=64), st.floats(-50, 50), st.floats(0, 360), st.floats(0.01, 100))
+def test_no_circle_minds_centre_or_start_and_all_scale(
+    values: list[float], x: float, start: float, factor: float
+) -> None:
+    deviation = np.array(values)
+    angle = np.arange(deviation.size) * 360 / deviation.size
+    moved = factor * deviation + 5 + x * np.cos(np.radians(angle)) - x * np.sin(np.radians(angle))
+    plain = [limacon_circle(kind, angle, deviation).ront_um for kind in CIRCLES]
+    # The zone and the radii are unique; where a circle may slide, its RONt is not, but for the zone.
+    assert plain[1] <= min(plain) + 1e-9
+    assert limacon_circle("MZC", angle + start, moved).ront_um == pytest.approx(
+        factor * plain[1], abs=1e-9, rel=1e-11
+    )
+    turned = limacon_circle("LSC", angle + start, moved).ront_um
+    assert turned == pytest.approx(factor * plain[0], abs=1e-9, rel=1e-11)
+    for kind in ("MCC", "MIC"):
+        radius_um = limacon_circle(kind, angle, deviation).deviation_um
+        assert limacon_circle(kind, angle + start, moved).deviation_um == pytest.approx(
+            5 + factor * radius_um, abs=1e-8, rel=1e-11
+        )
+
+
+def test_points_in_the_plane_by_another_method() -> None:
+    """Against a direct search (Nelder-Mead) for the same objectives, of an oval part a third off its axis."""
+    random = np.random.default_rng(11)
+    angle = np.sort(random.uniform(0, 2 * np.pi, 90))
+    radius = 10_000 + 900 * np.cos(2 * angle) + random.normal(0, 60, 90)
+    x, y = 3000 + radius * np.cos(angle), -2000 + radius * np.sin(angle)
+
+    def distances(centre: Floats) -> Floats:
+        return np.asarray(np.hypot(x - centre[0], y - centre[1]))
+
+    objectives: dict[str, Callable[[Floats], float]] = {
+        "LSC": lambda c: float(distances(c).std()),
+        "MZC": lambda c: float(np.ptp(distances(c))),
+        "MCC": lambda c: float(distances(c).max()),
+        "MIC": lambda c: -float(distances(c).min()),
+    }
+    precise = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000, "maxfev": 8000}
+    for kind, objective in objectives.items():
+        circle = geometric_circle(kind, x, y)
+        starts = [(3000 + a, -2000 + b) for a in (-700, 0, 700) for b in (-100, 100)]
+        best = min(minimize(objective, s, method="Nelder-Mead", options=precise).fun for s in starts)
+        assert objective(np.array([circle.centre_x_um, circle.centre_y_um])) <= best + 1e-6, kind
+        assert circle.ront_um == pytest.approx(
+            float(np.ptp(distances(np.array([circle.centre_x_um, circle.centre_y_um])))), abs=1e-6
+        )
+
+
+@pytest.mark.parametrize("kind", CIRCLES)
+def test_an_exact_circle_in_the_plane(kind: str) -> None:
+    circle = geometric_circle(kind, 7e5 + 26_000 * np.cos(THETA[::10]), -3e5 + 26_000 * np.sin(THETA[::10]))
+    assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx((7e5, -3e5), abs=1e-6)
+    assert (circle.deviation_um, circle.ront_um) == pytest.approx((26_000, 0), abs=1e-6)
+
+
+def test_half_a_turn_holds_no_circle() -> None:
+    for kind in CIRCLES:
+        with pytest.raises(ProfileError) as caught:
+            limacon_circle(kind, np.arange(180), np.zeros(180))
+        assert caught.value.problems[0].code == "trace.narrow_angles"
