@@ -13,6 +13,7 @@ import sys
 
 TYPE_CHECKING = False  # that of `typing` would be the slowest import of this file
 if TYPE_CHECKING:
+    from argparse import Namespace
     from collections.abc import Sequence
 
     from console.text.catalogue import Catalogue
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 SCREEN = "console.tui.start"
+PLOTTED = {"reproduce": "console.tui.plot.paper_figures"}
+"""What draws a command with `--plot`: only the screens know how."""
+
 COMMANDS = (
     "jobs",
     "preview",
@@ -34,6 +38,8 @@ COMMANDS = (
     "doctor",
     "identify",
     "calibrate",
+    "learn",
+    "reproduce",
 )
 MODULES = {name: f"console.cli.{name.replace('-', '_')}" for name in COMMANDS}
 
@@ -85,13 +91,17 @@ def _dispatch(words: list[str], text: Catalogue) -> int:
         return WRONG_USAGE
     from importlib import import_module
 
-    module = import_module(SCREEN if options.command is None else MODULES[options.command])
+    module = import_module(SCREEN if options.command is None else _module(options.command, options))
     if options.sim and options.link:
         parser.error(text("usage.sim_with_link"))
     if getattr(options, "ts", None) is not None and options.strategy != "paper":
         parser.error(text("usage.ts_without_paper"))
     code: int = module.main(options, text)
     return code
+
+
+def _module(command: str, options: Namespace) -> str:
+    return (PLOTTED if getattr(options, "plot", False) else MODULES)[command]
 
 
 def _version(as_json: bool) -> int:

@@ -8,7 +8,7 @@ the ones with hands in the machine among them, the stop is control-K, which open
 from __future__ import annotations
 
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.link.base import Link
+from drivers.link.base import Link, StopWay
 from profiles.problem import Problem
 
 ABORT_ALL = b"\x01"
@@ -17,6 +17,11 @@ KILL_ALL = b"\x0b"
 
 class StoppedError(DriverError):
     """The operator (or a signal) stopped the machine; what was going on does not go on."""
+
+
+def way_problems(way: StopWay) -> tuple[Problem, ...]:
+    """Return why nothing may be armed while a stop would go this way: the one that was asked for is lost."""
+    return (Problem(code="stops.connection_lost"),) if way is StopWay.LOST else ()
 
 
 class StopPath:
@@ -43,6 +48,11 @@ class StopPath:
         self._killed_at = 0
         self._proven = 0
         self._released = 0
+
+    @property
+    def way(self) -> StopWay:
+        """What a stop would go through now."""
+        return self._link.stop_way
 
     @property
     def reason(self) -> str | None:

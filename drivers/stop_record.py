@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 
+from drivers.link.base import StopWay
 from drivers.pmac.client import PmacClient
 from drivers.pmac.configuration.configuration import digest
 from drivers.pmac.configuration.reading import read_ranges
@@ -71,7 +72,7 @@ class StopEntry:
 class StopRecord:
     """The entries of one machine. `kind` and `version` are its controller's; `key` is `stop_key` of its settings.
 
-    `address` is the link that it was measured over, for people.
+    `address` is the link that it was measured over, for people, and `stop_way` what the stops went through.
     """
 
     machine: str
@@ -80,6 +81,7 @@ class StopRecord:
     key: str
     measured_at: date
     address: str
+    stop_way: StopWay
     entries: tuple[StopEntry, ...]
 
 
@@ -96,12 +98,19 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
 
 
 def record_problems(
-    record: StopRecord | None, now: date, key: str, needed: Iterable[tuple[Way, Origin, str]]
+    record: StopRecord | None,
+    now: date,
+    key: str,
+    needed: Iterable[tuple[Way, Origin, str]],
+    stop_way: StopWay,
 ) -> tuple[Problem, ...]:
-    """Return why nothing may be armed by this record: none, too old, of other settings, not all of it."""
+    """Return why nothing may be armed by this record: none, too old, of other settings, not all of it.
+
+    `stop_way` is what a stop would go through now: stops of another way are none of this one.
+    """
     if record is None:
         return (Problem(code="stops.no_record"),)
-    return tuple(_problems(record, now, key, needed))
+    return tuple(_problems(record, now, key, needed, stop_way))
 
 
 def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> str:
@@ -123,13 +132,15 @@ def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> s
 
 
 def _problems(
-    record: StopRecord, now: date, key: str, needed: Iterable[tuple[Way, Origin, str]]
+    record: StopRecord, now: date, key: str, needed: Iterable[tuple[Way, Origin, str]], stop_way: StopWay
 ) -> Iterator[Problem]:
     if not 0 <= (now - record.measured_at).days <= VALID_DAYS:
         limit = f"<= {VALID_DAYS} d"
         yield Problem(code="stops.expired", value=record.measured_at.isoformat(), limit=limit)
     if record.key != key:
         yield Problem(code="stops.other_settings", value=record.key[:12], limit=key[:12])
+    if stop_way not in (record.stop_way, StopWay.LOST):
+        yield Problem(code="stops.other_way", value=record.stop_way, limit=stop_way)
     missing = frozenset(needed) - {(entry.way, entry.origin, entry.axis) for entry in record.entries}
     if missing:
         yield Problem(code="stops.incomplete", value=", ".join(sorted(" ".join(each) for each in missing)))

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from profiles.compensation import CutPath, LobedPath, Wave
 from profiles.problem import Problem, ProfileError
 
 SCHEMA = 1
+
+MODEL = 0
+"""The version that nobody has learned: the lobe of the job through the response of the machine profile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,9 +53,10 @@ class PartRead:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedCompensation:
-    """A path with its history. Versions count from 1; `parent` is that from which it was learned, 0 the model.
+    """A path with its history: learned from `part`, which was cut with version `parent`, with `gain`.
 
-    `reverts` is the version whose path this is once more; None where it was learned, with `gain`, from `part`.
+    Versions count from 1. `reverts` is the version that this one is once more, with all that it had; 0 is the
+    model, which has no part. None where it is a new one.
     `date` is UTC after ISO 8601.
     """
 
@@ -64,6 +68,25 @@ class LearnedCompensation:
     part: PartRead | None
     date: str
     reverts: int | None = None
+
+
+def again(older: LearnedCompensation, number: int, date: str) -> LearnedCompensation:
+    """Return an older version as a new one: nothing is taken back, and the one in between stays on record."""
+    return replace(older, version=number, date=date, reverts=older.version)
+
+
+def model_again(holds_for: HoldsFor, path: CutPath, number: int, date: str) -> LearnedCompensation:
+    """Return the model as a new version."""
+    return LearnedCompensation(
+        holds_for=holds_for,
+        version=number,
+        parent=MODEL,
+        gain=1.0,
+        path=path,
+        part=None,
+        date=date,
+        reverts=MODEL,
+    )
 
 
 def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem, ...]:

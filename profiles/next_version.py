@@ -20,16 +20,13 @@ from enum import StrEnum
 from profiles.compensation import CutPath, Wave, free_state_lobe
 from profiles.graduated import share_of
 from profiles.job import Job
-from profiles.learned import HoldsFor, LearnedCompensation, PartRead
+from profiles.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
 from profiles.learning import SIGNIFICANT, Deviation, convergence, learned_part
 from profiles.part_waves import PartWaves
 from profiles.problem import Problem, ProfileError
 
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 """Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
-
-MODEL = 0
-"""The version that nobody has learned: the lobe of the job through the response of the machine profile."""
 
 _SURE_SOURCES = ("measured", "fitted")
 
@@ -160,9 +157,7 @@ def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
     )
 
 
-def _contraction(
-    cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float
-) -> Contraction | None:
+def _contraction(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> Contraction | None:
     """Return what the part and the one before it tell; None where there was none, or where both had one path."""
     before = None if cut.version is None else cut.version.part
     if before is not None:

@@ -27,9 +27,10 @@ from profiles.traces import Trace
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PartWaves:
-    """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, and their standard errors.
+    """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, with standard errors.
 
-    `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own. `reasons` are why
+    `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
+    spindle angle `begins_deg`. `filter_upr` is the filter of RONt. `reasons` are why
     nothing may be learned from it; `warnings` do not spoil it.
     """
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -67,15 +68,21 @@ def eq9_closed_loop(machine: MachineProfile) -> Any:
 
 def eq9_summary(machine: MachineProfile) -> Eq9Summary:
     """Return bandwidth (half power), resonance peak, step overshoot and margins of Eq 9."""
+    numerator, denominator = _eq9_polynomials(machine)
+    return _summary(tuple(numerator), tuple(denominator))
+
+
+@lru_cache(maxsize=16)  # it is of the tool alone, and asked for with every job on it
+def _summary(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> Eq9Summary:
     import control
 
-    closed = eq9_closed_loop(machine)
-    numerator, denominator = _eq9_polynomials(machine)
-    opened = control.TransferFunction(numerator, np.polysub(denominator, numerator))
+    closed = control.TransferFunction(list(numerator), list(denominator))
+    opened = control.TransferFunction(list(numerator), np.polysub(denominator, numerator))
     gain_margin, phase_margin, _, crossover = control.margin(opened)
     bandwidth_hz = float(control.bandwidth(closed, dbdrop=_HALF_POWER_DB)) / (2 * math.pi)
     frequencies = np.linspace(0, 4 * bandwidth_hz, 20_001)
-    magnitudes = np.abs(eq9_response(machine, frequencies))
+    s = 2j * np.pi * frequencies
+    magnitudes = np.abs(np.polyval(numerator, s) / np.polyval(denominator, s))
     time_s = np.linspace(0, 10 / bandwidth_hz, 20_001)
     step = control.step_response(closed, time_s).outputs
     return Eq9Summary(

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 STRATEGIES = ("none", "paper", "pvt", "cam", "timebase")
 DEFAULT_STRATEGY = "pvt"
+STAGES = ("air", "partial", "full")
 IDENTIFIED = ("pvt", "cam", "timebase")
 MOST_PARTS = 20
 """Parts in a row that learn."""
@@ -33,6 +34,7 @@ SLOWEST, FASTEST = 0.01, 100.0
 
 _WORDING = (
     (re.compile(r"the following arguments are required: (?P<value>.*)"), "usage.required"),
+    (re.compile(r"one of the arguments (?P<value>.*) is required"), "usage.required"),
     (re.compile(r"unrecognized arguments: (?P<value>.*)"), "usage.unrecognized"),
     (
         re.compile(r"argument (?P<key>.*?): invalid choice: (?P<value>.*?) \(choose from (?P<limit>.*)\)"),
@@ -107,6 +109,8 @@ def build(text: Catalogue) -> Parser:
     _doctor(commands, text)
     _identify(commands, text)
     _calibrate(commands, text)
+    _learn(commands, text)
+    _reproduce(commands, text)
     return parser
 
 
@@ -153,7 +157,14 @@ def _run(commands: _Commands, text: Catalogue) -> None:
     _link(parser, text)
     _strategy(parser, text)
     _plant(parser, text)
+    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
     parser.add_argument("--learn", metavar="PARTS", type=_parts, help=text("help.learn"))
+    parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))
+    compensation_help = text("help.compensation")
+    parser.add_argument(
+        "--compensation", metavar="VERSION", type=_compensation, default="none", help=compensation_help
+    )
+    parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
     parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
 
 
@@ -250,6 +261,30 @@ def _calibrate(commands: _Commands, text: Catalogue) -> None:
     lobe.add_argument("--extra", metavar="N,N", type=_orders, help=text("help.calibrate.extra"))
     lobe.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
     lobe.add_argument("--keep", action="store_true", help=text("help.calibrate.lobe.keep"))
+
+
+def _learn(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "learn", text, key="learn.command")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("file", metavar="TRACE", nargs="?", help=text("help.calibrate.trace"))
+    what.add_argument("--list", action="store_true", help=text("help.learn.list"))
+    what.add_argument("--revert", metavar="VERSION", type=_whole, help=text("help.learn.revert"))
+    parser.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
+    _machine(parser, text)
+    parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.learn.sim"))
+    parser.add_argument("--compensation", metavar="VERSION", type=_compensation, help=text("help.learn.cut_with"))
+    parser.add_argument("--strategy", choices=IDENTIFIED, help=text("help.learn.strategy"))
+    parser.add_argument("--stage", choices=STAGES[1:], help=text("help.learn.stage"))
+    parser.add_argument("--identified", metavar="FILE", help=text("help.learn.identified"))
+    parser.add_argument("--gain", metavar="GAIN", type=_number, help=text("help.learn.gain"))
+    parser.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
+    parser.add_argument("--keep", action="store_true", help=text("help.learn.keep"))
+
+
+def _reproduce(commands: _Commands, text: Catalogue) -> None:
+    parser = _command(commands, "reproduce", text)
+    parser.add_argument("--quick", action="store_true", help=text("help.reproduce.quick"))
+    parser.add_argument("--plot", action="store_true", help=text("help.reproduce.plot"))
 
 
 def _command(commands: _Commands, name: str, text: Catalogue, key: str = "") -> Parser:
@@ -357,6 +392,10 @@ def _whole(word: str) -> int:
     if not (word.isascii() and word.isdigit()) or len(word) > 9:
         raise argparse.ArgumentTypeError(Parser.text("usage.whole", value=word))
     return int(word)
+
+
+def _compensation(word: str) -> str:
+    return word if word in ("none", "newest") else str(_whole(word))
 
 
 def _parts(word: str) -> int:

@@ -65,6 +65,7 @@ def _because(seen: Preview, band: Band, text: Catalogue) -> list[dict[str, objec
         (f"servo.{seen.response.source}", band.servo_um),
         ("clamping", band.clamping_um),
         ("cutting", band.cutting_um),
+        ("friction", band.friction_um),
     )
     return [{"code": f"band.{name}", "um": um, "text": text(f"band.{name}")} for name, um in terms]
 
@@ -81,6 +82,7 @@ def _response(seen: Preview) -> dict[str, object]:
         "gain": abs(here),
         "phase_deg": math.degrees(cmath.phase(here)),
         "relative_95": response.relative_95(frequency_hz),
+        "amplitude_um": response.amplitude_um,
     }
 
 

@@ -62,6 +62,7 @@ def _cut(
     """
     from console.cli import learn_report, run_report
     from console.cli.library import data_of
+    from console.cli.run_part import cut_with_line, learn_hint, save_part
     from console.cli.run_places import cut, cut_learning
     from console.cli.run_record import begin_record, recorded
     from console.cli.warn import tell as tell_problems
@@ -70,6 +71,8 @@ def _cut(
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {order.job.job.name}")
     data = data_of(options)
     record = begin_record(data, order)
+    if not options.json:
+        print(cut_with_line(order, text))
     tell = _teller(options, text, interruption, record.add, simulated=order.simulated)
     parts = order.parts
     try:
@@ -92,7 +95,9 @@ def _cut(
     finally:
         warnings += tell_problems(tracing.problems, text)
     if parts is None:
-        _print(options, run_report.fields(result, warnings), run_report.lines(result, text))
+        save_part(order, result)
+        told = [*run_report.lines(result, text), *learn_hint(options, order, text)]
+        _print(options, run_report.fields(result, warnings), told)
     else:
         _print(options, learn_report.fields(learned, warnings), learn_report.lines(learned, text))
 

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import dataclass
+from pathlib import Path
 
-from console.cli.library import job_of, machine_of
+from console.cli.library import data_of, job_of, machine_of
 from console.cli.simulation import simulation_told
+from console.session.errors import SessionError
+from console.session.identified_response import response_in
+from console.session.learned_store import NONE, asked_for, chosen, versions
 from console.session.learning import refuse_unlearnable
 from console.session.run import RunPlan, plan_run
+from console.session.stages import Stage, nominal_path
 from console.session.whereabouts import address_of
 from drivers.cut import Strategy
 from drivers.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import TrueParameters
+from profiles.compensation import CutPath
+from profiles.files import printable
+from profiles.job import Job
+from profiles.learned import LearnedCompensation
 from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.response import ServoResponse
 from profiles.store import LoadedJob, LoadedMachine
 
 
@@ -24,6 +35,7 @@ class RunOrder:
     """`address` is None for a simulated machine in this process, in the time that computing it takes.
 
     `true` is what that one is really like, None as its profile says. `parts` are so many in a row that learn.
+    `part_file` is where the trace of the part is written.
     """
 
     job: LoadedJob
@@ -32,6 +44,7 @@ class RunOrder:
     address: LinkAddress | None
     true: TrueParameters | None = None
     parts: int | None = None
+    part_file: Path | None = None
 
     @property
     def simulated(self) -> bool:
@@ -47,6 +60,12 @@ def ordered(options: Namespace) -> RunOrder:
     """
     job, machine = job_of(options), machine_of(options)
     address = None if options.sim else address_of(machine.machine, options.link, simulated=False)
+    simulated = address is None or isinstance(address, SimulatedAddress)
+    part_file = _part_file(options, simulated=simulated)
+    asked = asked_for(job, machine, options.strategy, simulated=simulated)
+    known = () if options.compensation == NONE else versions(data_of(options), asked)
+    learned = chosen(options.compensation, known, asked)
+    inverted = _inverted(options, machine.machine, simulated=simulated)
     plan = plan_run(
         job.job,
         machine.machine,
@@ -54,11 +73,83 @@ def ordered(options: Namespace) -> RunOrder:
         options.ts,
         str(job.path),
         lease=cut_condition(machine.machine),
+        stage=Stage(options.stage),
+        path=_path(job.job, machine.machine, options, learned, inverted),
+        inverted="" if inverted is None else inverted.name,
+        compensation=None if learned is None else learned.version,
     )
     true = None if address is not None else _true(options, machine.machine)
     if options.learn is not None:
+        _refuse_beside_learning(options)
         refuse_unlearnable(plan, measured=address is None)
-    return RunOrder(job=job, machine=machine, plan=plan, address=address, true=true, parts=options.learn)
+    return RunOrder(
+        job=job,
+        machine=machine,
+        plan=plan,
+        address=address,
+        true=true,
+        parts=options.learn,
+        part_file=part_file,
+    )
+
+
+def _inverted(options: Namespace, machine: MachineProfile, *, simulated: bool) -> ServoResponse | None:
+    """Return the identified response that is to be inverted, None where the model is."""
+    if options.identified is None:
+        return None
+    return response_in(Path(options.identified), machine, Strategy(options.strategy), simulated=simulated)
+
+
+def _path(
+    job: Job,
+    machine: MachineProfile,
+    options: Namespace,
+    learned: LearnedCompensation | None,
+    inverted: ServoResponse | None,
+) -> CutPath | None:
+    """Return what was learned, or the inverse of what was identified; None where nothing of it was asked for.
+
+    Raises:
+        SessionError: `run.two_inverses`, both were.
+    """
+    if inverted is None:
+        return None if learned is None else learned.path
+    if learned is not None:
+        raise SessionError(Problem(code="run.two_inverses", key="--compensation", value="--identified"))
+    return nominal_path(job, machine, Strategy(options.strategy), inverted)
+
+
+def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
+    """Return where the trace of the part goes; better refused now than when the part is cut.
+
+    Raises:
+        SessionError: `run.no_part`, nobody measures it here; `file.exists`.
+    """
+    if options.part is None:
+        return None
+    if not simulated or options.stage == Stage.AIR:
+        raise SessionError(Problem(code="run.no_part", key="--part", value=options.part))
+    path = Path(options.part)
+    if path.exists():
+        raise SessionError(Problem(code="file.exists", where=printable(options.part)))
+    return path
+
+
+def _refuse_beside_learning(options: Namespace) -> None:
+    """Refuse what parts in a row do by themselves.
+
+    Raises:
+        SessionError: `learning.alone`.
+    """
+    given = {
+        "--compensation": options.compensation != NONE,
+        "--stage": options.stage != Stage.FULL,
+        "--part": options.part is not None,
+        "--identified": options.identified is not None,
+    }
+    if any(given.values()):
+        value = ", ".join(option for option, there in given.items() if there)
+        raise SessionError(Problem(code="learning.alone", key="--learn", value=value))
 
 
 def _true(options: Namespace, machine: MachineProfile) -> TrueParameters | None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from console.cli.output import roundness_fields
 from console.session.collisions import collision_problems
 from console.session.run import RunResult
+from console.session.stages import Stage
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 
@@ -17,6 +20,10 @@ def fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "machine": plan.machine.name,
         "simulated": result.simulated,
         "strategy": plan.cut.strategy.value,
+        "stage": plan.stage.value,
+        "compensation": plan.compensation,
+        "inverted": plan.inverted or "model",
+        "expected": None if plan.expected is None else asdict(plan.expected),
         "spindle_rpm": figures.spindle_speed_rpm,
         "lobe_frequency_hz": result.lobe_frequency_hz,
         "before": None if result.before is None else roundness_fields(result.before),
@@ -51,10 +58,14 @@ def lines(result: RunResult, text: Catalogue) -> list[str]:
     ]
     if result.improvement_percent is not None:
         facts.insert(0, (text("run.improvement"), f"{result.improvement_percent:.1f} %"))
+    if plan.expected is not None:
+        right, wrong = f"{plan.expected.right_um_pp:.1f}", f"{plan.expected.wrong_um_pp:.1f}"
+        facts.append((text("run.expected"), text("run.expected_lobe", right=right, wrong=wrong)))
     if result.within_tolerance is not None:
         facts.append((text("run.verdict"), _verdict(result, text)))
     facts += [(text("run.collision"), text.problem(met)) for met in collision_problems(result.collisions)]
-    closing = text("run.simulated" if result.simulated else "run.measure_it")
+    measure = "run.cut_air" if plan.stage is Stage.AIR else "run.measure_it"
+    closing = text("run.simulated" if result.simulated else measure)
     return ["", head, "", *_parts(result, text), *table(facts), closing]
 
 
@@ -65,7 +76,8 @@ def _verdict(result: RunResult, text: Catalogue) -> str:
 
 def _parts(result: RunResult, text: Catalogue) -> list[str]:
     """Return the table of the parts that were measured, with a line below it; nothing without any."""
-    parts = {"before": result.before, "after": result.after}
+    after = "partial" if result.plan.stage is Stage.PARTIAL else "after"
+    parts = {"before": result.before, after: result.after}
     measured = {name: part for name, part in parts.items() if part is not None}
     if not measured:
         return []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from console.cli.card_access import Card
 from console.cli.library import data_of
 from console.session.stop_records import load, store, withdraw
+from drivers.link.base import StopWay
 from drivers.pmac.configuration.check import Check, Group, Outcome
 from drivers.stop_record import VALID_DAYS, StopRecord, needed_stops, record_problems, stop_key
 from profiles.problem import Problem, ProfileError
@@ -22,14 +23,24 @@ STOPS = ("proof_lease", "proof_stop_")
 
 def stop_checks(options: Namespace, card: Card, today: date) -> list[Check]:
     """Return whether the machine may be armed by its stop record; a simulated one measures its own when it is."""
-    if card.simulated:
+    return [] if card.simulated else [*_connection_checks(card.stop.way), *_record_checks(options, card, today)]
+
+
+def _connection_checks(stop_way: StopWay) -> list[Check]:
+    """Return whether stops have the connection that was asked for; nothing where none was."""
+    if stop_way is StopWay.DIRECT:
         return []
+    outcome = Outcome.HOLDS if stop_way is StopWay.RESERVED else Outcome.FAILS
+    return [Check(group=Group.STOPS, code="stop_connection", outcome=outcome)]
+
+
+def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
     try:
         record = load(data_of(options), card.machine)
     except ProfileError as error:
         return [_warned(problem) for problem in error.problems]
     key = stop_key(card.client, card.machine, card.dialect)
-    problems = record_problems(record, today, key, needed_stops(card.machine))
+    problems = record_problems(record, today, key, needed_stops(card.machine), card.stop.way)
     if record is None or problems:
         return [_warned(problem) for problem in problems]
     until = record.measured_at + timedelta(days=VALID_DAYS)
@@ -54,7 +65,8 @@ def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> N
     """
     if card.simulated:
         return
-    if any(check.outcome is Outcome.FAILS and check.code.startswith(STOPS) for check in proven.checks):
+    failed = any(check.outcome is Outcome.FAILS and check.code.startswith(STOPS) for check in proven.checks)
+    if failed or card.stop.way is StopWay.LOST:
         withdraw(data_of(options), card.machine)
         return
     key = stop_key(card.client, card.machine, card.dialect)
@@ -65,9 +77,10 @@ def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> N
         key=key,
         measured_at=today,
         address=card.address,
+        stop_way=card.stop.way,
         entries=proven.stops,
     )
-    if not record_problems(record, today, key, needed_stops(card.machine)):
+    if not record_problems(record, today, key, needed_stops(card.machine), card.stop.way):
         store(data_of(options), card.machine, record)
 
 

@@ -38,10 +38,13 @@ class ConsoleLock:
 def take_lock(data: Path, address: str) -> ConsoleLock | None:
     """Take the lock of the machine at an address; None while another console of this user holds it.
 
+    How it is spoken to there (`?stop=`, `?baud=`) makes no other machine of it.
+
     Raises:
         SessionError: `lock.unwritable`.
     """
-    path = data / "locks" / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', address)}.lock"
+    place = address.rpartition("?")[0] or address
+    path = data / "locks" / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', place)}.lock"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)

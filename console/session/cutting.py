@@ -27,6 +27,7 @@ from drivers.cut import CutPlan, first_spindle_counts, plan_cut
 from drivers.errors import DriverError, LinkError
 from drivers.safety import device_problems
 from drivers.snapshot import AxisName, Snapshot
+from drivers.stop import way_problems
 from profiles.job import Job
 from profiles.problem import Problem
 
@@ -185,7 +186,8 @@ def _refuse_tables(place: Workplace) -> None:
 
 def _refuse_changed(place: Workplace, plan: CutPlan) -> None:
     """Refuse to move at all where the machine is not as it was armed: its safety devices, settings, program."""
-    refuse_unless(Interlock(name="safe", problems=device_problems(place.lathe.snapshot().inputs)))
+    devices, lathe = device_problems(place.lathe.snapshot().inputs), place.lathe
+    refuse_unless(Interlock(name="safe", problems=(*devices, *way_problems(lathe.stop.way))))
     _refuse_unless_ready(place, plan, starting=False)
     try:
         place.lathe.holds(plan.program)

@@ -20,6 +20,7 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.prediction import held_part
 from profiles.problem import ProfileError
+from profiles.response import ServoResponse
 from profiles.rules import lobe_um_per_n
 
 NORMAL_95 = 1.959964
@@ -32,18 +33,21 @@ class Band:
 
     `servo_um` is how far the response may be from the one that was inverted, `clamping_um` how the lobe changes
     from clamping to clamping, both with 95 %. `cutting_um` is how the tool gives way to the force of the uneven
-    cut, None for a material without numbers: it is there in every part, in a phase of its own. Friction is not in
-    it.
+    cut, None for a material without numbers: it is there in every part, in a phase of its own. `friction_um` is
+    what the response may differ for friction, because the tool swings further than when it was identified, or
+    less; None for a model, which knows of no friction.
     """
 
     after_um: float
     servo_um: float
     clamping_um: float
     cutting_um: float | None
+    friction_um: float | None
 
     @property
     def _reach_um(self) -> float:
-        return (self.cutting_um or 0.0) + math.hypot(self.servo_um, self.clamping_um)
+        systematic_um = (self.cutting_um or 0.0) + (self.friction_um or 0.0)
+        return systematic_um + math.hypot(self.servo_um, self.clamping_um)
 
     @property
     def low_um(self) -> float:
@@ -61,16 +65,36 @@ def predicted_band(seen: Preview, strategy: Strategy) -> Band | None:
     made, job, machine = seen.predictions.get(strategy), seen.job, seen.machine
     if made is None:
         return None
-    path = strategy if strategy in INVERTING else Strategy.PVT
+    inverting = strategy in INVERTING
+    path = strategy if inverting else Strategy.PVT
     response = seen.response if strategy is seen.strategy else path_response(path, machine)
     holding = holding_of(machine)
     scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_share * job.chucking_force_n
+    frequency_hz = job.lobe_frequency_hz if inverting else made.lobe_frequency_hz
+    path_um = float(np.ptp(made.path_um))
     return Band(
         after_um=made.ront_um,
-        servo_um=response.relative_95(made.lobe_frequency_hz) * float(np.ptp(made.path_um)),
+        servo_um=response.relative_95(frequency_hz) * path_um,
         clamping_um=NORMAL_95 * scatter_um,
         cutting_um=_cutting_um(job, machine, strategy),
+        friction_um=_friction_um(seen, path, response, made.stroke_um / 2.0, path_um),
     )
+
+
+def _friction_um(
+    seen: Preview, path: Strategy, response: ServoResponse, amplitude_um: float, path_um: float
+) -> float | None:
+    """Return what friction may change from the identified amplitude a to that of the cut, A.
+
+    Its share of a response goes with 1 / amplitude. All that differs from the model may be friction, at most:
+    |T_model / T_hat - 1| |1 - a / A|.
+    """
+    if response.amplitude_um is None:
+        return None
+    frequency_hz = seen.job.lobe_frequency_hz
+    model = path_response(path, seen.machine).at(frequency_hz)
+    off = abs(model / response.at(frequency_hz) - 1.0)
+    return off * abs(1.0 - response.amplitude_um / amplitude_um) * path_um if amplitude_um else 0.0
 
 
 def _cutting_um(job: Job, machine: MachineProfile, strategy: Strategy) -> float | None:

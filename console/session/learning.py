@@ -12,31 +12,24 @@ from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
 from console.session.interlocks import of_program, refuse_unless
+from console.session.learning_beside import AirWatch, CutLearner
 from console.session.run import FILTER_UPR, RunPlan
 from console.session.sequence import Beside, CutOutcome, Shop, Step, cut_part
+from console.session.stages import Stage, air_mm
 from console.session.telemetry import CutFigures
 from drivers.cut import CutPlan, Strategy, nominal_command, plan_cut
-from drivers.cut_gather import Batch, BatchGather
+from drivers.cut_gather import Batch
 from drivers.identification.nominal import nominal_response
-from drivers.lathe import Lathe
-from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
-from drivers.snapshot import Snapshot
 from profiles.compensation import CutPath, wanted_path
 from profiles.job import Job
-from profiles.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part, trimmed
+from profiles.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.traces import Trace
 
 AIR_PASSES = 3
-AIR_MM = 1.0
-"""How far out of the part the tool stays in air, more than any depth of cut and lobe."""
-
 AIR_TURNS = 30
-AIR_BATCH_S = 1.0
-CUT_BATCH_S = 0.25
 
-TRIM_GAIN = 0.7
 FIRST_PART_GAIN, PART_GAIN = 1.0, 0.7
 """Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
 
@@ -169,8 +162,8 @@ class _Learner:
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
         shop = replace(self._shop, clamp=lambda _: None, measure=None)
         for number in range(1, AIR_PASSES + 1):
-            plan = self._planned(short, air_mm=AIR_MM + job.depth_of_cut_mm)
-            watch = _AirWatch(shop.lathe, job.jaws)
+            plan = self._planned(short, air_mm=air_mm(job, Stage.AIR))
+            watch = AirWatch(shop.lathe, job.jaws)
             self._cut(shop, short, plan, "air", watch, number)
             off = self._off(watch.last())
             self._path = learned_command(self._path, self._learnable(off), self._response)
@@ -179,8 +172,9 @@ class _Learner:
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn within it, and from its trace for the next one."""
         plan = self._planned(self._job, trimmed=True)
-        watch = _CutLearner(self._shop.lathe, self._job, self._off)
+        watch = CutLearner(self._shop.lathe, self._job, self._off)
         outcome = self._cut(self._shop, self._job, plan, "part", watch, number)
+        watch.refuse_failed()
         trace = _measured(outcome.trace)
         off = watch.off_in_the_middle()
         gain = FIRST_PART_GAIN if number == 1 else PART_GAIN
@@ -244,67 +238,3 @@ class _Learner:
     def _response(self, waves: int) -> complex:
         frequency_hz = waves * self._job.spindle_speed_rpm / 60.0
         return nominal_response(Strategy.CAM, self._machine, frequency_hz)
-
-
-class _AirWatch:
-    """Gathers one long batch in air."""
-
-    def __init__(self, lathe: Lathe, lobes: int) -> None:
-        self._gather: BatchGather = lathe.batches()
-        self._lobes = lobes
-        self._batches: list[Batch] = []
-
-    def begin(self, plan: CutPlan) -> None:
-        """Set the card up."""
-        self._gather.prepare(plan, self._lobes, AIR_BATCH_S, self._batches.append)
-
-    def see(self, snapshot: Snapshot) -> None:
-        """Let the gathering go on."""
-        self._gather.see(snapshot)
-
-    def last(self) -> Batch:
-        """Return what was gathered.
-
-        Raises:
-            SessionError: `learning.nothing_gathered`.
-        """
-        if not self._batches:
-            raise SessionError(Problem(code="learning.nothing_gathered"))
-        return self._batches[-1]
-
-
-class _CutLearner:
-    """Trims a cut by what the tool is off in it, a batch at a time."""
-
-    def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit]) -> None:
-        self._lathe, self._job, self._off = lathe, job, off
-        self._gather = lathe.batches()
-        self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
-        self._found: list[tuple[float, HarmonicFit]] = []
-        self.trim_um = 0j
-
-    def begin(self, plan: CutPlan) -> None:
-        """Set the card up."""
-        self._gather.prepare(plan, self._job.jaws, CUT_BATCH_S, self._take)
-
-    def see(self, snapshot: Snapshot) -> None:
-        """Let the gathering go on."""
-        self._gather.see(snapshot)
-
-    def _take(self, batch: Batch) -> None:
-        found = self._off(batch)
-        self._found.append((batch.past_middle_mm, found))
-        error_um = found.coefficients_um[self._job.jaws]
-        self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
-        self._lathe.trim(self.trim_um)
-
-    def off_in_the_middle(self) -> Deviation:
-        """Return what the tool was off where the part is measured.
-
-        Raises:
-            SessionError: `learning.nothing_gathered`.
-        """
-        if not self._found:
-            raise SessionError(Problem(code="learning.nothing_gathered"))
-        _, nearest = min(self._found, key=lambda each: abs(each[0]))
-        return Deviation(mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from console.session.interlocks import of_job, of_lobe, of_program, of_zero, refuse_unless
 from console.session.sequence import CutOutcome, Shop, Step, cut_part
+from console.session.stages import Stage, air_mm, staged
 from console.session.telemetry import CutFigures
 from drivers.cut import CutPlan, Strategy, plan_cut
+from profiles.compensation import CutPath
+from profiles.graduated import Expected, expected
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.rules import Severity, check
+from profiles.traces import Trace
 
 FILTER_UPR = 50.0
 """Cut-off of the filter that before and after are compared with."""
+
+_PARTS = {Stage.AIR: "air", Stage.PARTIAL: "partial", Stage.FULL: "after"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +30,8 @@ class RunPlan:
     """What will be done, judged but not begun. `warnings` are told before anything moves.
 
     There is no `reference`, the same without compensation, where the controller does not turn the spindle: only a
-    program that follows it can be cut there.
+    program that follows it can be cut there. `compensation` is the version that was learned, None the model's;
+    `inverted` the name of the response that was identified, empty the model's.
     """
 
     job: Job
@@ -32,13 +39,22 @@ class RunPlan:
     cut: CutPlan
     reference: CutPlan | None
     warnings: tuple[Problem, ...]
+    stage: Stage = Stage.FULL
+    compensation: int | None = None
+    inverted: str = ""
+
+    @property
+    def expected(self) -> Expected | None:
+        """What is left of the lobe of a part that is cut with a share of its compensation; None else."""
+        whole_um_pp = 2.0 * self.cut.wanted.amplitude_um / self.stage.share
+        return expected(whole_um_pp, self.stage.share) if self.stage is Stage.PARTIAL else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
     """What was done: `before` is the same job cut without compensation, `after` with the strategy.
 
-    What nobody has cut or measured is None.
+    What nobody has cut or measured is None. `trace` is that of the part of `after`.
 
     `collisions` is what the tool has run into in either, each kind once.
     """
@@ -49,6 +65,7 @@ class RunResult:
     after: RoundnessResult | None
     figures: CutFigures
     collisions: tuple[str, ...]
+    trace: Trace | None = None
 
     @property
     def improvement_percent(self) -> float | None:
@@ -66,8 +83,10 @@ class RunResult:
 
     @property
     def within_tolerance(self) -> bool | None:
-        """Whether the part is as round as the job asks."""
-        return None if self.after is None else self.after.ront_um <= self.plan.job.roundness_tolerance_um
+        """Whether the part is as round as the job asks; None of a part that was not meant to be."""
+        if self.after is None or self.plan.stage is not Stage.FULL:
+            return None
+        return self.after.ront_um <= self.plan.job.roundness_tolerance_um
 
 
 def plan_run(
@@ -78,22 +97,37 @@ def plan_run(
     where: str = "",
     *,
     lease: str = "",
+    stage: Stage = Stage.FULL,
+    path: CutPath | None = None,
+    compensation: int | None = None,
+    inverted: str = "",
 ) -> RunPlan:
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
 
-    `where` is the file that a refusal of the job names, `lease` the condition without which a program ends.
+    `where` is the file that a refusal of the job names, `lease` the condition without which a program ends. `path`
+    was learned, as version `compensation`, or inverts the response that is named `inverted`; None is the model's.
 
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
     zero = of_zero(machine, strategy, jaw_found=False)
     refuse_unless(of_job(job, machine, where), zero, of_lobe(job, machine, strategy))
-    cut = plan_cut(job, machine, strategy, ts_ms, lease=lease)
-    reference = _reference(job, machine, cut, lease)
+    path = staged(job, machine, strategy, stage, path)
+    cut = plan_cut(job, machine, strategy, ts_ms, lease=lease, path=path, air_mm=air_mm(job, stage))
+    reference = None if stage is Stage.AIR else _reference(job, machine, cut, lease)
     refuse_unless(*(of_program(each) for each in (cut, reference) if each is not None))
     findings = (*check(job, machine), *cut.findings)
     warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
-    return RunPlan(job=job, machine=machine, cut=cut, reference=reference, warnings=warnings)
+    return RunPlan(
+        job=job,
+        machine=machine,
+        cut=cut,
+        reference=reference,
+        warnings=warnings,
+        stage=stage,
+        compensation=compensation,
+        inverted=inverted,
+    )
 
 
 def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> CutPlan | None:
@@ -105,7 +139,7 @@ def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> C
 def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step, str], None]) -> RunResult:
     """Cut the reference part and the compensated part, each on a machine of its own, and compare them.
 
-    `tell` is told the part ("before" or "after"), the step and a detail.
+    `tell` is told the part ("before", or as `run_once`), the step and a detail.
 
     Raises:
         ProblemError: what went wrong; see `cut_part`.
@@ -118,7 +152,7 @@ def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step,
     if plan.cut is not plan.reference:
         shop.lathe.stop.check()
         shop = open_shop()
-        after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell("after", step, detail))
+        after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
     return RunResult(
         plan=plan,
         simulated=shop.simulated,
@@ -126,16 +160,21 @@ def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step,
         after=_roundness(after),
         figures=after.figures,
         collisions=tuple(dict.fromkeys((*before.collisions, *after.collisions))),
+        trace=after.trace,
     )
 
 
 def run_once(plan: RunPlan, shop: Shop, tell: Callable[[str, Step, str], None]) -> RunResult:
-    """Cut the compensated part alone, on a machine that is there.
+    """Cut the compensated part alone, on a machine that is there; what was cut in air is not measured.
+
+    `tell` is told the part ("after", "partial" or "air"), the step and a detail.
 
     Raises:
         ProblemError: what went wrong; see `cut_part`.
     """
-    after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell("after", step, detail))
+    if plan.stage is Stage.AIR:
+        shop = replace(shop, measure=None)
+    after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
     return RunResult(
         plan=plan,
         simulated=shop.simulated,
@@ -143,6 +182,7 @@ def run_once(plan: RunPlan, shop: Shop, tell: Callable[[str, Step, str], None]) 
         after=_roundness(after),
         figures=after.figures,
         collisions=after.collisions,
+        trace=after.trace,
     )
 
 

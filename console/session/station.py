@@ -24,6 +24,7 @@ from console.session.orders import ORDERS
 from console.session.progress import PHASE_LIMIT_DEG, RUNNING, CutStage
 from console.session.spindle import SpindleWatch
 from console.session.state import IDLE, MOVING, Activity, StationState, StopState
+from console.session.stop_way import watch_stop_way
 from console.session.workplace import Workplace
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.link.base import GONE
@@ -82,6 +83,7 @@ class Station:
         place.tell_standing()
         self._watch_devices(state.snapshot, snapshot)
         self._watch_guard()
+        watch_stop_way(place)
         self._watch_stop(snapshot)
         if place.seen is not None:
             place.seen(snapshot)

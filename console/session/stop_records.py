@@ -13,20 +13,21 @@ from pathlib import Path
 from urllib.parse import quote
 
 from drivers.errors import DriverError
+from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.configuration.judged import Judged
 from drivers.pmac.configuration.proofs.bench import ProofBench
 from drivers.pmac.configuration.verification import read_of_machine
 from drivers.pmac.dialect import Dialect
-from drivers.stop import StopPath
+from drivers.stop import StopPath, way_problems
 from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops, record_problems, stop_key
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "stops"
-SCHEMA = 1
+SCHEMA = 2
 CAP_BYTES = 1_000_000
 
 _measured: dict[tuple[str, str], StopRecord] = {}
@@ -84,8 +85,12 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
         values = json.loads(content)
         if values.pop("schema") != SCHEMA:
             raise ValueError("schema")
-        entries = tuple(_entry(**each) for each in values.pop("entries"))
-        return StopRecord(measured_at=date.fromisoformat(values.pop("measured_at")), entries=entries, **values)
+        return StopRecord(
+            measured_at=date.fromisoformat(values.pop("measured_at")),
+            stop_way=StopWay(values.pop("stop_way")),
+            entries=tuple(_entry(**each) for each in values.pop("entries")),
+            **values,
+        )
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         where = printable(str(path))
         raise ProfileError(Problem(code="stops.unreadable", where=where, value=printable(str(error)))) from error
@@ -113,6 +118,7 @@ def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> St
         key=stop_key(client, machine, dialect),
         measured_at=now,
         address=link.address,
+        stop_way=link.stop_way,
         entries=stops.entries,
     )
 
@@ -132,7 +138,8 @@ def stop_record_problems(
         record = _simulated(machine, dialect, now) if simulated else data and load(data, machine)
     except ProfileError as error:
         return tuple(error.problems)
-    return record_problems(record or None, now, key, needed_stops(machine))
+    stop_way = client.link.stop_way
+    return (*way_problems(stop_way), *record_problems(record or None, now, key, needed_stops(machine), stop_way))
 
 
 def _simulated(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:

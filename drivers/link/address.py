@@ -23,9 +23,7 @@ _SERIAL_FORM = f"serial:/dev/NAME[?baud=RATE], 1 <= RATE <= {HIGHEST_BAUD_RATE}"
 _HOST_FORM = f"HOST:PORT, 0 <= PORT <= {HIGHEST_PORT}"
 _TCP_FORM = f"tcp:HOST:PORT, 1 <= PORT <= {HIGHEST_PORT}"
 _ETHERNET_FORM = f"ethernet:HOST[:PORT][?stop=reserved], 1 <= PORT <= {HIGHEST_PORT}"
-_FORMS = (
-    f"serial:/dev/NAME[?baud=RATE] | tcp:HOST:PORT | ethernet:HOST[:{ETHERNET_PORT}][?stop=reserved] | sim:"
-)
+_FORMS = f"serial:/dev/NAME[?baud=RATE] | tcp:HOST:PORT | ethernet:HOST[:{ETHERNET_PORT}][?stop=reserved] | sim:"
 
 _RESERVED = "?stop=reserved"
 _RATE_BEHIND_COLON = re.compile(r".*:[0-9]+")

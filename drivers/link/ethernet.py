@@ -8,6 +8,7 @@ import time
 
 from drivers.errors import LinkError, LinkTimeoutError
 from drivers.link.address import EthernetAddress
+from drivers.link.base import StopWay
 from drivers.link.board_replies import Asked, BoardReplies
 from drivers.link.connection import Connection
 from drivers.link.stop_connection import StopConnection
@@ -30,15 +31,16 @@ _FLUSH = Request(direction=Direction.DOWNLOAD, code=RequestCode.FLUSH)
 class EthernetLink:
     """One request at a time, but for stops: those go directly behind it, as whole requests of their own.
 
-    With `reserve_stop` they have a second connection. It may be used only where the board was seen to obey there.
+    Where the address reserves it they have a second connection. It may be used only where the board was seen to
+    obey there.
     """
 
-    def __init__(self, address: EthernetAddress, *, reserve_stop: bool = False) -> None:
+    def __init__(self, address: EthernetAddress) -> None:
         """Connect.
 
         Raises:
             LinkError: `link.unknown_host`, `link.refused`, `link.no_answer`, `link.unreachable`, `link.failed`;
-                `link.no_stop_connection`, there is no second one.
+                `link.no_stop_connection`, there is no second one, or nobody answers on it.
         """
         self.address = str(address)
         self._replies = BoardReplies()
@@ -48,12 +50,14 @@ class EthernetLink:
         self._asked_last = ""
         self._said = b""
         self._connection = Connection(address.host, address.port, self.address)
-        self._stops = self._reserve(address) if reserve_stop else None
+        self._stops = self._reserve(address) if address.reserves_stop else None
 
     @property
-    def reserved_stop(self) -> bool:
-        """Whether stops have a connection of their own, and it is still there."""
-        return self._stops is not None and self._stops.alive
+    def stop_way(self) -> StopWay:
+        """What a stop would go through now; `LOST` is found out by what is received, and by time."""
+        if self._stops is None:
+            return StopWay.DIRECT
+        return StopWay.RESERVED if self._stops.works else StopWay.LOST
 
     def send(self, data: bytes) -> None:
         """Send lines that end in CR, each when the one before is answered; control-X is a flush at once.
@@ -109,8 +113,9 @@ class EthernetLink:
             return StopConnection(Connection(address.host, address.port, self.address))
         except LinkError as error:
             self._connection.close()
-            reason = error.problems[0].value
-            problem = Problem(code="link.no_stop_connection", where=self.address, value=reason)
+            reason = error.problems[0]
+            value = reason.value or reason.code
+            problem = Problem(code="link.no_stop_connection", where=self.address, value=value)
             raise LinkError(problem) from error
 
     def _ask(self, line: bytes) -> None:

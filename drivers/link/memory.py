@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from drivers.link.base import StopWay
+
 LOOK_S = 0.001
 """How far the other end is advanced between two looks: well below the background cycle in which it answers."""
 
@@ -35,7 +37,7 @@ class MemoryLink:
     """Bytes to and from a simulated card."""
 
     address = "memory"
-    reserved_stop = False
+    stop_way = StopWay.DIRECT
 
     def __init__(self, peer: Peer, time: SimulatedTime) -> None:
         self._peer = peer

@@ -17,6 +17,7 @@ import time
 
 from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
+from drivers.link.base import StopWay
 from drivers.link.pace import Pace
 from drivers.link.serial_opening import open_line
 from profiles.problem import Problem
@@ -31,7 +32,7 @@ CHUNK = 65_536
 class SerialLink:
     """One open serial device, for this program alone."""
 
-    reserved_stop = False
+    stop_way = StopWay.DIRECT
 
     def __init__(self, address: SerialAddress) -> None:
         """Open the device.

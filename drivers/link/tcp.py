@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from drivers.link.address import TcpAddress
+from drivers.link.base import StopWay
 from drivers.link.connection import Connection
 
 SEND_TIMEOUT_S = 2.0
@@ -13,7 +14,7 @@ URGENT_WAIT_S = 0.02
 class TcpLink:
     """One connection. A control character acts in the middle of a line, too: nothing is in a stop's way."""
 
-    reserved_stop = False
+    stop_way = StopWay.DIRECT
 
     def __init__(self, address: TcpAddress) -> None:
         """Connect.

@@ -24,6 +24,7 @@ DOCUMENTS = (
     "docs/faults.md",
     "docs/heartbeat.md",
     "docs/identification.md",
+    "docs/learning.md",
     "docs/links.md",
     "docs/ownership.md",
     "docs/paper-program.md",

@@ -67,6 +67,12 @@ def test_machines_at_other_addresses_and_other_users_have_locks_of_their_own(tmp
         lock.close()
 
 
+def test_how_a_machine_is_spoken_to_makes_no_other_machine_of_it(tmp_path: Path) -> None:
+    lock = taken(tmp_path, "ethernet:lathe?stop=reserved")
+    assert take_lock(tmp_path, "ethernet:lathe") is None
+    lock.close()
+
+
 def test_a_shorter_number_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None:
     lock = taken(tmp_path)
     for number in (2**31 - 1, 7):

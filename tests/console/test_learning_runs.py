@@ -46,8 +46,22 @@ def lobe_um_pp(part: dict[str, Any]) -> float:
 pytestmark = pytest.mark.timeout(300)
 
 
-def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machine(console: Console) -> None:
-    words = ("--sim", "--plant", "realistic", "--seed", "11", "--strategy", "cam", "--learn", "3", "--json")
+def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machine(
+    console: Console, close: tuple[str, str]
+) -> None:
+    words = (
+        *close,
+        "--sim",
+        "--plant",
+        "realistic",
+        "--seed",
+        "11",
+        "--strategy",
+        "cam",
+        "--learn",
+        "3",
+        "--json",
+    )
     result = console("run", "lee-2001-experiment-1", *words).json
     first, second, third = result["passes"]
     floor = result["floor"]
@@ -66,10 +80,12 @@ def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machi
     assert abs(third["mean_deviation_um"]) < 2.0 < first["mean_deviation_um"]
 
 
-def test_a_gain_that_is_wrong_by_a_tenth_is_learned_in_air(console: Console, tmp_path: Path) -> None:
+def test_a_gain_that_is_wrong_by_a_tenth_is_learned_in_air(
+    console: Console, close: tuple[str, str], tmp_path: Path
+) -> None:
     plant = tmp_path / "weak.toml"
     plant.write_text(PLANT, encoding="utf-8")
-    words = ("--sim", "--plant", str(plant), "--seed", "5", "--strategy", "cam", "--learn", "1", "--json")
+    words = (*close, "--sim", "--plant", str(plant), "--seed", "5", "--strategy", "cam", "--learn", "1", "--json")
     (first,) = console("run", "lee-2001-experiment-2", *words).json["passes"]
     assert first["RONt_um"] <= 6.0
     assert lobe_um_pp(first) == pytest.approx(0.05 * 33.0, abs=0.7), "the wrench is what is left"

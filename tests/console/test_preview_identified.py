@@ -42,6 +42,10 @@ TRUE = replace(
 )
 
 
+COMMAND_UM = 27.5 / abs(complex(sampled_response(TRUE, 50.0)))
+"""What the tool is asked for, once its response is inverted."""
+
+
 def point(frequency_hz: float, response: complex) -> dict[str, float]:
     return {
         "frequency_hz": frequency_hz,
@@ -78,10 +82,11 @@ def file_of(folder: Path, path: str = "pvt", *frequencies_hz: float, **origin: o
     return file
 
 
-def of_true_lathe() -> ServoResponse:
+def of_true_lathe(amplitude_um: float = COMMAND_UM) -> ServoResponse:
     here = point(50.0, complex(sampled_response(TRUE, 50.0)))
     names = ("frequency_hz", "gain", "phase_deg", "gain_ci", "phase_ci_deg")
-    return identified_response(**{name: [here[name]] for name in names}, name="there")
+    columns = {name: [here[name]] for name in names}
+    return identified_response(**columns, amplitude_um=amplitude_um, name="there")
 
 
 def test_the_true_lathe_leaves_a_trace_of_what_the_model_would_have_left() -> None:
@@ -104,7 +109,18 @@ def test_the_band_of_the_model_has_the_true_lathe_in_it_and_identification_narro
     # 0.002 in 0.786, of 55 um
     assert narrow.servo_um == pytest.approx(55.0 * 0.0025, rel=0.1)
     assert (narrow.clamping_um, narrow.cutting_um) == (wide.clamping_um, wide.cutting_um)
+    assert narrow.friction_um == pytest.approx(0.0, abs=0.01)
     assert predicted_band(by_model, Strategy.NONE).servo_um == pytest.approx(0.0, abs=1e-6)  # type: ignore[union-attr]
+
+
+def test_what_may_be_friction_counts_where_the_cut_swings_further_than_what_was_identified() -> None:
+    """The true lathe answers 0.2 off the profile. Were that friction, twice the swing would halve it."""
+    seen = preview(SHORT, MACHINE, Strategy.PVT, of_true_lathe(COMMAND_UM / 2))
+    band = predicted_band(seen, Strategy.PVT)
+    assert band is not None
+    off = abs(complex(sampled_response(MACHINE, 50.0)) / complex(sampled_response(TRUE, 50.0)) - 1.0)
+    assert band.friction_um == pytest.approx(55.0 * 0.5 * off, rel=0.01)
+    assert band.high_um > 0.5 * 55.0 * off
 
 
 @pytest.mark.parametrize("path", ["pvt", "cam"])
@@ -123,7 +139,12 @@ def test_what_is_foreseen_is_of_the_strategy_whose_path_was_identified(
     assert found["predicted"]["before"]["ront_um"] == pytest.approx(55.0)
     assert found["predicted"]["after"]["ront_um"] < 0.1
     band = found["predicted"]["band"]
-    assert [each["code"] for each in band["because"]] == ["band.servo.identified", "band.clamping", "band.cutting"]
+    assert [each["code"] for each in band["because"]] == [
+        "band.servo.identified",
+        "band.clamping",
+        "band.cutting",
+        "band.friction",
+    ]
     assert band["low_um"] <= found["predicted"]["after"]["ront_um"] <= band["high_um"]
     way = {name: np.array(values) for name, values in found["trajectory"].items()}
     left_um = JOB.lobe_error_um_pp / 2 * np.cos(3 * np.radians(way["angle_deg"] - 90.0)) - way["path_um"]

@@ -9,8 +9,6 @@ from typing import Any
 
 import pytest
 
-import profiles.store
-
 Console = Callable[..., Any]
 JobFile = Callable[..., Path]
 
@@ -20,21 +18,6 @@ FILTER_AT_3 = 0.99751
 
 SHORT_MM = "1.0"
 """A cut of 34 turns, for what is in each of them or in none."""
-
-CLOSE_TOGETHER = {"home_radius_mm = 76.0": "home_radius_mm = 29.0", "jaw_face_mm = 200.0": "jaw_face_mm = 40.0"}
-
-
-@pytest.fixture
-def close(data_folder: Path) -> tuple[str, str]:
-    """What has a part cut on the bundled lathe with everything close together: no test here is about its ways."""
-    text = (profiles.store.BUNDLED_MACHINES / "lee-2001-lathe.toml").read_text(encoding="utf-8")
-    for usual, near in CLOSE_TOGETHER.items():
-        assert usual in text
-        text = text.replace(usual, near)
-    own = data_folder / "trilobe" / "machines" / "close.toml"
-    own.parent.mkdir(parents=True)
-    own.write_text(text, encoding="utf-8")
-    return "--machine", "close"
 
 
 def harmonic(result: dict[str, Any], n: int) -> dict[str, float]:

@@ -19,6 +19,7 @@ from console.session.stop_records import (
     store,
     withdraw,
 )
+from drivers.link.base import StopWay
 from drivers.pmac.dialect import PMAC
 from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops
 from profiles.machine import MachineProfile
@@ -64,11 +65,22 @@ def test_a_machine_of_iron_needs_a_record_of_its_own(tmp_path: Path, simulated: 
     store(tmp_path, MACHINE, simulated)
     assert said(card, tmp_path) == []
     assert said(card, tmp_path, now=TODAY + timedelta(days=181)) == ["stops.expired"]
+    store(tmp_path, MACHINE, replace(simulated, stop_way=StopWay.RESERVED))
+    assert said(card, tmp_path) == ["stops.other_way"]
+    store(tmp_path, MACHINE, simulated)
     card.tell("I235=100")
     assert said(card, tmp_path) == ["stops.other_settings"]
     withdraw(tmp_path, MACHINE)
     assert said(card, tmp_path) == ["stops.no_record"]
     withdraw(tmp_path, MACHINE)
+
+
+def test_nothing_is_armed_while_the_connection_for_stops_is_lost(tmp_path: Path, simulated: StopRecord) -> None:
+    card = commissioned(MACHINE)
+    store(tmp_path, MACHINE, replace(simulated, stop_way=StopWay.RESERVED))
+    for way, wanted in ((StopWay.LOST, ["stops.connection_lost"]), (StopWay.RESERVED, [])):
+        card.link.stop_way = way
+        assert said(card, tmp_path) == wanted
 
 
 def test_what_is_stored_comes_back(tmp_path: Path, simulated: StopRecord) -> None:
@@ -92,7 +104,9 @@ def test_a_name_leads_to_a_file_in_the_folder(tmp_path: Path, name: str) -> None
     "change",
     [
         lambda values: values.clear(),
-        lambda values: values.update(schema=2),
+        lambda values: values.update(schema=1),
+        lambda values: values.update(stop_way="by post"),
+        lambda values: values.pop("stop_way"),
         lambda values: values.update(measured_at="yesterday"),
         lambda values: values.update(entries=[{"way": "abort"}]),
         lambda values: values["entries"][0].update(way="shout"),

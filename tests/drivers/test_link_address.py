@@ -28,7 +28,7 @@ names = st.text(st.characters(codec="ascii", exclude_characters=" /", categories
 devices = names.filter(lambda name: not name.endswith(":")).map(lambda name: f"/dev/{name}")
 addresses = st.one_of(
     st.builds(TcpAddress, host=hosts, port=ports),
-    st.builds(EthernetAddress, host=hosts, port=ports),
+    st.builds(EthernetAddress, host=hosts, port=ports, reserves_stop=st.booleans()),
     st.builds(SerialAddress, device=devices, baud_rate=st.integers(1, 4_000_000)),
     st.builds(SimulatedAddress),
 )
@@ -47,6 +47,8 @@ addresses = st.one_of(
         ("ethernet:192.6.94.5", EthernetAddress(host="192.6.94.5", port=1025)),
         ("ethernet:lathe:1026", EthernetAddress(host="lathe", port=1026)),
         ("ethernet:[fe80::1]", EthernetAddress(host="fe80::1", port=1025)),
+        ("ethernet:lathe?stop=reserved", EthernetAddress(host="lathe", reserves_stop=True)),
+        ("ethernet:[fe80::1]:9?stop=reserved", EthernetAddress(host="fe80::1", port=9, reserves_stop=True)),
         ("sim:", SimulatedAddress()),
     ],
 )
@@ -126,6 +128,17 @@ def test_a_speed_behind_a_colon_is_refused_with_the_way_to_write_it() -> None:
         "ethernet:host:0",
         "ethernet:fe80::1",
         "ethernet:a/b",
+        "ethernet:host?",
+        "ethernet:host?stop",
+        "ethernet:host?stop=",
+        "ethernet:host?stop=direct",
+        "ethernet:host?stop=Reserved",
+        "ethernet:host?stop=reserved:1025",
+        "ethernet:host?stop=reserved?stop=reserved",
+        "ethernet:host?stop=reserved&baud=9600",
+        "ethernet:?stop=reserved",
+        "tcp:host:1025?stop=reserved",
+        "serial:/dev/ttyUSB0?stop=reserved",
         "usb:/dev/ttyUSB0",
         "udp:host:1",
     ],

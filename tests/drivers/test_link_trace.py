@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, LinkError
+from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
 from drivers.link.trace import TracedLink
 from drivers.link.trace_file import TraceFile
@@ -30,7 +31,7 @@ class Script:
     """A link that says what it is told to, and a clock that goes on a millisecond each time it is asked."""
 
     address = "script"
-    reserved_stop = True
+    stop_way = StopWay.RESERVED
 
     def __init__(self, *replies: bytes) -> None:
         self.replies = deque(replies)
@@ -203,7 +204,7 @@ def test_the_session_of_a_client_is_the_same_with_a_trace(closed: Bench) -> None
     stop.kill("operator")
     lines = [line.split(" ", 1)[1] for line in text_of(sink)]
     assert lines[-4:] == ["> P1", "< 125", "< [ACK]", "! [^K]"]
-    assert link.reserved_stop is False
+    assert stop.way is StopWay.DIRECT
     times = [float(line.split(" ")[0]) for line in text_of(sink)]
     assert times == sorted(times)
 

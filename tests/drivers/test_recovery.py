@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from drivers.errors import DriverError, LinkError
+from drivers.link.base import StopWay
 from drivers.pmac.program_text import read_program
 from drivers.snapshot import AxisName
 from drivers.stop import StopPath, StoppedError
@@ -31,7 +32,7 @@ class Wire:
     """A link that only writes down which stops are sent."""
 
     address = "wire"
-    reserved_stop = False
+    stop_way = StopWay.DIRECT
 
     def __init__(self) -> None:
         self.urgent: list[bytes] = []

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.link.base import StopWay
 from drivers.stop_record import (
     Origin,
     StopEntry,
@@ -39,12 +40,13 @@ def record() -> StopRecord:
         key=KEY,
         measured_at=TODAY,
         address="tcp:lathe:1",
+        stop_way=StopWay.DIRECT,
         entries=entries,
     )
 
 
-def codes(met: StopRecord | None, now: date = TODAY, key: str = KEY) -> list[str]:
-    return [problem.code for problem in record_problems(met, now, key, NEEDED)]
+def codes(met: StopRecord | None, now: date = TODAY, key: str = KEY, way: StopWay = StopWay.DIRECT) -> list[str]:
+    return [problem.code for problem in record_problems(met, now, key, NEEDED, way)]
 
 
 def test_without_a_record_nothing_is_armed() -> None:
@@ -59,10 +61,16 @@ def test_a_record_is_believed_for_half_a_year_and_not_from_the_future(days: int)
 
 def test_everything_that_is_wrong_is_said_at_once() -> None:
     met = replace(record(), entries=record().entries[1:])
-    found = record_problems(met, TODAY + timedelta(days=181), "6" * 64, NEEDED)
-    assert [problem.code for problem in found] == ["stops.expired", "stops.other_settings", "stops.incomplete"]
+    found = record_problems(met, TODAY + timedelta(days=181), "6" * 64, NEEDED, StopWay.RESERVED)
+    assert [problem.code for problem in found] == [
+        "stops.expired",
+        "stops.other_settings",
+        "stops.other_way",
+        "stops.incomplete",
+    ]
     assert found[0].value == "2026-03-01"
-    assert found[2].value == "abort jog tool"
+    assert (found[2].value, found[2].limit) == ("direct", "reserved")
+    assert found[3].value == "abort jog tool"
 
 
 @given(st.sets(st.sampled_from(NEEDED), min_size=1))
@@ -70,6 +78,12 @@ def test_no_stop_may_be_missing(missing: set[tuple[Way, Origin, str]]) -> None:
     met = record()
     kept = tuple(e for e in met.entries if (e.way, e.origin, e.axis) not in missing)
     assert codes(replace(met, entries=kept)) == ["stops.incomplete"]
+
+
+def test_stops_that_went_one_way_say_nothing_of_the_other() -> None:
+    of_the_other = replace(record(), stop_way=StopWay.RESERVED)
+    assert codes(record()) == codes(of_the_other, way=StopWay.RESERVED) == []
+    assert codes(record(), way=StopWay.RESERVED) == codes(of_the_other) == ["stops.other_way"]
 
 
 # Firmware, gains and Ix15 to Ix22 are what a record expires with; the flags hold the kill mode.

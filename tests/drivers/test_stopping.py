@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import LinkError, LinkTimeoutError
+from drivers.link.base import StopWay
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Setting
 from drivers.stop import StopPath, StoppedError
@@ -22,7 +23,7 @@ class Wire:
     """A link that only writes down what is sent."""
 
     address = "wire"
-    reserved_stop = False
+    stop_way = StopWay.DIRECT
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from drivers.link.address import TcpAddress
-from drivers.link.base import Link
+from drivers.link.base import Link, StopWay
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.real_time import SLICE_S, Host
 from drivers.simulator.server import Listeners, listen
@@ -70,8 +70,8 @@ class PacedLink:
         self.link, self.server = link, server
 
     @property
-    def reserved_stop(self) -> bool:
-        return self.link.reserved_stop
+    def stop_way(self) -> StopWay:
+        return self.link.stop_way
 
     def send(self, data: bytes) -> None:
         self.link.send(data)

@@ -55,6 +55,11 @@ def test_every_link_leads_to_the_same_verdict(serve: Serve, tmp_path: Path, mach
             assert (said["simulated"], said["address"]) == (False, address)
             found.append(said["checks"])
         assert found[0] == found[1] == found[2]
+        done = run("doctor", "--machine", machine, "--link", f"{address}?stop=reserved", "--json")
+        assert (done.returncode, done.stderr) == (0, "")
+        said = json.loads(done.stdout)
+        (own,) = [check for check in said["checks"] if check not in found[2]]
+        assert (said["address"], own["code"]) == (f"{address}?stop=reserved", "stop_connection")
         backup = str(tmp_path / "card.pmac")
         assert (
             run("controller", "backup", backup, "--machine", machine, "--link", addresses(served)[2]).returncode

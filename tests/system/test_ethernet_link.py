@@ -7,13 +7,15 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
 
 from drivers.errors import LinkError, LinkTimeoutError
-from drivers.link import ethernet
+from drivers.link import ethernet, stop_connection
 from drivers.link.address import EthernetAddress
+from drivers.link.base import StopWay
 from drivers.link.ethernet import EthernetLink
 from drivers.stop import StopPath
 
@@ -22,6 +24,9 @@ pytestmark = pytest.mark.system
 ABORT = bytes.fromhex("40BF00000000000101")
 KILL = bytes.fromhex("40BF0000000000010B")
 FLUSH = bytes.fromhex("40B3000000000000")
+READY = bytes.fromhex("C0C2000000000002")
+"""READREADY, the one request that is no stop on a connection for stops."""
+
 MORE = bytes.fromhex("C0C5000000000578")
 """GETBUFFER, 1400 bytes at most."""
 
@@ -58,11 +63,18 @@ class Board:
 
 
 @contextmanager
-def connected(*, reserve_stop: bool = False) -> Iterator[tuple[EthernetLink, list[Board]]]:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        address = EthernetAddress(host="127.0.0.1", port=listener.getsockname()[1])
-        link = EthernetLink(address, reserve_stop=reserve_stop)
-        boards = [Board(listener.accept()[0]) for _ in range(2 if reserve_stop else 1)]
+def connected(*, reserves_stop: bool = False) -> Iterator[tuple[EthernetLink, list[Board]]]:
+    with socket.create_server(("127.0.0.1", 0)) as listener, ThreadPoolExecutor(1) as other:
+        port = listener.getsockname()[1]
+        opening = other.submit(
+            EthernetLink, EthernetAddress(host="127.0.0.1", port=port, reserves_stop=reserves_stop)
+        )
+        boards = [Board(listener.accept()[0])]
+        if reserves_stop:
+            boards.append(Board(listener.accept()[0]))
+            boards[1].expect(READY)
+            boards[1].say(b"\0\0")
+        link = opening.result(5.0)
         try:
             yield link, boards
         finally:
@@ -75,6 +87,10 @@ def connected(*, reserve_stop: bool = False) -> Iterator[tuple[EthernetLink, lis
 def both() -> Iterator[tuple[EthernetLink, Board]]:
     with connected() as (link, boards):
         yield link, boards[0]
+
+
+def way_of(link: EthernetLink) -> StopWay:
+    return link.stop_way
 
 
 def heard(link: EthernetLink, count: int) -> bytes:
@@ -189,8 +205,8 @@ def test_the_answer_to_a_stop_may_come_at_any_time_and_is_waited_for(both: tuple
 
 
 def test_stops_have_the_second_connection_for_themselves() -> None:
-    with connected(reserve_stop=True) as (link, (lines, stops)):
-        assert link.reserved_stop
+    with connected(reserves_stop=True) as (link, (lines, stops)):
+        assert way_of(link) is StopWay.RESERVED
         link.send(b"P1\r")
         lines.expect(response(b"P1"))
         link.send_urgent(b"\x01")
@@ -204,26 +220,35 @@ def test_stops_have_the_second_connection_for_themselves() -> None:
         assert lines.heard_nothing_more()
 
 
-def test_a_stop_that_nobody_answers_on_its_own_connection_is_repeated_on_both() -> None:
-    with connected(reserve_stop=True) as (link, (lines, stops)):
+def test_a_stop_that_nobody_answers_on_its_own_connection_is_repeated_on_both(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with connected(reserves_stop=True) as (link, (lines, stops)):
         link.send_urgent(b"\x01")
         stops.expect(ABORT)
         link.send_urgent(b"\x01")
         stops.expect(ABORT)
         lines.expect(ABORT)
+        assert way_of(link) is StopWay.RESERVED, "a board takes its time"
+        monkeypatch.setattr(stop_connection, "ANSWER_S", 0.0)
+        assert way_of(link) is StopWay.LOST
+        stops.say(b"\x06\x06")
+        lines.say(b"\x06")
+        assert link.receive(0.05) == b""
+        assert way_of(link) is StopWay.RESERVED
 
 
 def test_a_stop_goes_the_other_way_when_its_own_connection_is_gone() -> None:
-    with connected(reserve_stop=True) as (link, (lines, stops)):
+    with connected(reserves_stop=True) as (link, (lines, stops)):
         stops.connection.close()
         assert link.receive(0.05) == b""
-        assert not link.reserved_stop
+        assert way_of(link) is StopWay.LOST
         link.send_urgent(b"\x0b")
         lines.expect(KILL)
 
 
 def test_a_stop_is_not_lost_with_the_connection_for_lines() -> None:
-    with connected(reserve_stop=True) as (link, (lines, stops)):
+    with connected(reserves_stop=True) as (link, (lines, stops)):
         lines.connection.close()
         with pytest.raises(LinkError):
             link.receive(5.0)
@@ -310,7 +335,7 @@ def test_stops_of_another_thread_never_disturb_the_lines(both: tuple[EthernetLin
 
 
 def test_a_closed_link_says_that_it_is_lost_and_does_not_raise_anything_else() -> None:
-    with connected(reserve_stop=True) as (link, _):
+    with connected(reserves_stop=True) as (link, _):
         link.close()
         for use in (lambda: link.send(b"P1\r"), lambda: link.receive(0.1), lambda: link.send_urgent(b"\x0b")):
             with pytest.raises(LinkError) as lost:

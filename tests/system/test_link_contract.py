@@ -17,7 +17,7 @@ import pytest
 from drivers.clock import Clock, RealClock
 from drivers.errors import ControllerError, LinkError
 from drivers.link.address import EthernetAddress, SerialAddress, TcpAddress
-from drivers.link.base import GONE, Link
+from drivers.link.base import GONE, Link, StopWay
 from drivers.link.memory import MemoryLink
 from drivers.link.opening import open_link
 from drivers.pmac.client import PmacClient
@@ -95,7 +95,7 @@ def wired(served: Served, kind: str) -> Site:
         host, port = served.tcp if kind == "tcp" else served.ethernet
         if kind == "tcp":
             return open_link(TcpAddress(host=host, port=port))
-        return open_link(EthernetAddress(host=host, port=port), reserve_stop=kind.endswith("stops"))
+        return open_link(EthernetAddress(host=host, port=port, reserves_stop=kind.endswith("stops")))
 
     return Site(connect=connect, fault=lambda line: tell(served, line), clock=RealClock())
 
@@ -344,4 +344,5 @@ def test_only_a_board_that_was_asked_has_a_connection_for_stops(
     real: Site, request: pytest.FixtureRequest
 ) -> None:
     with opened(real) as link:
-        assert link.reserved_stop is request.node.callspec.params["real"].endswith("stops")
+        asked = request.node.callspec.params["real"].endswith("stops")
+        assert link.stop_way is (StopWay.RESERVED if asked else StopWay.DIRECT)

@@ -20,7 +20,7 @@ import pytest
 
 from console.text.catalogue import load
 from drivers.errors import LinkError
-from drivers.link import connection, serial_opening
+from drivers.link import connection, serial_opening, stop_connection
 from drivers.link.address import (
     EthernetAddress,
     SerialAddress,
@@ -41,9 +41,9 @@ LOCK_IT = (
 )
 
 
-def refusal(address: WiredAddress, *, reserve_stop: bool = False) -> Problem:
+def refusal(address: WiredAddress) -> Problem:
     with pytest.raises(LinkError) as refused:
-        open_link(address, reserve_stop=reserve_stop)
+        open_link(address)
     (problem,) = refused.value.problems
     assert problem.where == str(address)
     for language in ("en", "ko"):
@@ -262,8 +262,18 @@ def test_a_board_with_room_for_one_connection_says_that_stops_have_none(monkeypa
     monkeypatch.setattr(connection, "CONNECT_TIMEOUT_S", 0.3)
     with socket.create_server(("127.0.0.1", 0), backlog=0) as listener:
         port = int(listener.getsockname()[1])
-        problem = refusal(EthernetAddress(host="127.0.0.1", port=port), reserve_stop=True)
+        problem = refusal(EthernetAddress(host="127.0.0.1", port=port, reserves_stop=True))
     assert (problem.code, problem.value) == ("link.no_stop_connection", "0.3 s")
+
+
+def test_a_connection_for_stops_that_the_network_takes_and_no_board_serves_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(stop_connection, "OPENING_S", 0.05)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = int(listener.getsockname()[1])
+        problem = refusal(EthernetAddress(host="127.0.0.1", port=port, reserves_stop=True))
+    assert (problem.code, problem.value) == ("link.no_stop_connection", "0.05 s")
 
 
 def test_the_simulated_lathe_is_an_address_without_a_wire() -> None:

@@ -11,6 +11,7 @@ from drivers.pmac.configuration.check import Check, Group, Outcome
 from drivers.pmac.configuration.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
 from drivers.pmac.configuration.proofs.bench import REASON, ProofBench
 from drivers.pmac.configuration.proofs.leased import TRIES, Leased
+from drivers.pmac.configuration.proofs.past_question import past_a_question
 from drivers.pmac.configuration.proofs.stop_results import (
     SeenStop,
     seen_speed,
@@ -189,7 +190,7 @@ def _press(bench: ProofBench, axes: Leased, way: Way, before: Look) -> SeenStop:
         "amplifier_enabled" in flags and "open_loop" not in flags for flags in before.flags.values()
     )
     pressed_s = bench.clock.now_s()
-    (stop.stop if way is Way.ABORT else stop.kill)(REASON)
+    answered = past_a_question(bench, stop.stop if way is Way.ABORT else stop.kill)
     looks, obeyed = _until_obeyed(axes, way, before)
     if obeyed:
         bench.client.request(NOTHING_GUARDED)  # not before: what does not obey is ended by its lease
@@ -205,7 +206,7 @@ def _press(bench: ProofBench, axes: Leased, way: Way, before: Look) -> SeenStop:
         pressed_s=pressed_s,
         late_ms=(pressed_s - before.asked_s) * 1000.0,
         looks=looks,
-        as_meant=obeyed and rested and killed == (way is Way.KILL),
+        as_meant=answered and obeyed and rested and killed == (way is Way.KILL),
     )
 
 

@@ -1,0 +1,109 @@
+"""`console learn`: the compensation of the next part from the measured one, kept in versions."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from console.cli.learn_lines import kept_lines, lesson_fields, lesson_lines, version_fields, version_lines
+from console.cli.library import data_of, job_of, profile_of
+from console.cli.output import print_json
+from console.cli.warn import tell
+from console.session.errors import SessionError
+from console.session.learned_store import asked_for, store, versions
+from console.session.lessons import SIMULATED, reverted, taught
+from console.session.made_parts import KEYS
+from console.text.catalogue import Catalogue
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedJob, LoadedMachine
+from profiles.traces import Trace, read_trace
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Learn from a part, list the versions, or go back to one of them; nothing is kept without `--keep`.
+
+    Raises:
+        ProblemError: why nothing can be learned, or with `--keep` why it must not be kept.
+    """
+    job, machine = job_of(options), profile_of(options)
+    if options.file is not None:
+        return _learn(options, job, machine, text)
+    _refuse_unused(options)
+    return _list(options, job, machine, text) if options.list else _revert(options, job, machine, text)
+
+
+def _learn(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
+    trace, data = read_trace(Path(options.file)), data_of(options)
+    _refuse_real(options, trace)
+    said = {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
+    identified = None if options.identified is None else Path(options.identified)
+    where = printable(options.file)
+    try:
+        found = taught(
+            trace, job, machine, data, said, identified, gain=options.gain, robust=options.robust, date=_date()
+        )
+    except ProfileError as error:
+        raise ProfileError(*(replace(each, where=each.where or where) for each in error.problems)) from error
+    reasons = found.lesson.reasons
+    warnings = tell((*found.warnings, *(() if options.keep else reasons)), text)
+    kept = store(data, found.lesson.next) if options.keep and not reasons else None
+    if options.json:
+        print_json({**lesson_fields(found), "kept": kept and str(kept), "warnings": warnings})
+    else:
+        asked = options.keep or bool(reasons)
+        print("\n".join([*lesson_lines(found, text), *kept_lines(found.lesson.next, kept, asked, options, text)]))
+    if options.keep and reasons:
+        raise SessionError(*reasons)
+    return 0
+
+
+def _list(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
+    asked = asked_for(job, machine, "", simulated=options.sim)
+    known = versions(data_of(options), asked)
+    if options.json:
+        print_json({"versions": [version_fields(each, asked) for each in known]})
+    else:
+        print("\n".join(version_lines(known, asked, text)))
+    return 0
+
+
+def _revert(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
+    data = data_of(options)
+    back = reverted(options.revert, job, machine, data, simulated=options.sim, date=_date())
+    kept = store(data, back) if options.keep else None
+    if options.json:
+        asked = asked_for(job, machine, "", simulated=options.sim)
+        print_json({**version_fields(back, asked), "kept": kept and str(kept)})
+    else:
+        head = text("learned.reverts", version=back.version, older=back.reverts, strategy=back.holds_for.strategy)
+        print("\n".join([head, *kept_lines(back, kept, options.keep, options, text)]))
+    return 0
+
+
+def _refuse_unused(options: Namespace) -> None:
+    """Refuse what says how to learn where nothing is learned.
+
+    Raises:
+        SessionError: `learned.unused`.
+    """
+    unused = [key for key in (*KEYS, "identified", "gain") if getattr(options, key) is not None]
+    if options.list and options.keep:
+        unused.append("keep")
+    if unused:
+        value = ", ".join(f"--{key}" for key in unused)
+        raise SessionError(
+            Problem(code="learned.unused", key="--list" if options.list else "--revert", value=value)
+        )
+
+
+def _refuse_real(options: Namespace, trace: Trace) -> None:
+    if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
+        where = printable(options.file)
+        raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
+
+
+def _date() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,139 @@
+"""What is told of a learned compensation: a value for each key of the JSON, and lines for people."""
+
+from __future__ import annotations
+
+import cmath
+import math
+import shlex
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from console.session.lessons import Taught
+from console.text.catalogue import Catalogue
+from console.text.columns import table
+from profiles.compensation import CutPath, LobedPath
+from profiles.files import printable
+from profiles.learned import HoldsFor, LearnedCompensation, as_table
+from profiles.next_version import Contraction, Lesson
+
+
+def lesson_fields(found: Taught) -> dict[str, object]:
+    """Return a lesson for JSON, unrounded; what two parts cannot tell is null."""
+    lesson = found.lesson
+    contraction = None
+    if lesson.contraction is not None:
+        share, late_deg = _arrives(lesson.contraction, lesson.next.path)
+        contraction = {
+            "value": lesson.contraction.value,
+            "half_width": lesson.contraction.half_width,
+            "verdict": lesson.contraction.verdict.value,
+            "arrives_share": share,
+            "arrives_late_deg": late_deg,
+        }
+    return {
+        "cut_with": asdict(found.made),
+        "next": as_table(lesson.next),
+        "learned_waves": list(lesson.learned),
+        "expected": {
+            "lobe_um_pp": lesson.expected_lobe_um_pp,
+            "half_width_um_pp": lesson.expected_half_width_um_pp,
+            "RONt_um": lesson.expected_ront_um,
+        },
+        "contraction": contraction,
+    }
+
+
+def lesson_lines(found: Taught, text: Catalogue) -> list[str]:
+    """Return a lesson in words."""
+    lesson, made = found.lesson, found.made
+    holds, part = lesson.next.holds_for, lesson.next.part
+    assert part is not None
+    sim = f"{text('sim')}  " if holds.simulated else ""
+    head = text("learned.head", made=f"{made.compensation} · {made.strategy} · {text(f'stage.{found.stage}')}")
+    expected = f"{lesson.expected_lobe_um_pp:.2f} ± {lesson.expected_half_width_um_pp:.2f}"
+    rows = [
+        ("", text("learned.measured"), text("learned.next"), ""),
+        ("RONt", f"{part.ront_um:.2f}", f"{lesson.expected_ront_um:.2f}", "um"),
+        (text("learned.lobe"), f"{2 * part.lobe.amplitude_um:.2f}", expected, "um"),
+    ]
+    return [
+        f"{sim}{holds.job} · {holds.machine}: {head}",
+        "",
+        *table(rows, numeric=(1, 2)),
+        "",
+        *table(_facts(lesson, text)),
+    ]
+
+
+def kept_lines(
+    version: LearnedCompensation, kept: Path | None, asked: bool, options: Namespace, text: Catalogue
+) -> list[str]:
+    """Return where a version was kept and how to cut with it; nothing where it was `asked` and could not be."""
+    if kept is None:
+        return [] if asked else ["", text("calibrate.not_kept")]
+    words = ["console", "run", options.job, "--strategy", version.holds_for.strategy, "--compensation", "newest"]
+    if options.machine:
+        words += ["--machine", options.machine]
+    if version.holds_for.simulated:
+        words.append("--sim")
+    file = printable(str(kept))
+    return ["", text("learned.kept", version=version.version, file=file, command=shlex.join(words))]
+
+
+def version_fields(version: LearnedCompensation, asked: HoldsFor) -> dict[str, object]:
+    """Return a version for JSON."""
+    return {**as_table(version), "holds": _holds(version, asked)}
+
+
+def version_lines(known: Sequence[LearnedCompensation], asked: HoldsFor, text: Catalogue) -> list[str]:
+    """Return the versions of a job on a machine as a table, or that there are none."""
+    sim = f"{text('sim')}  " if asked.simulated else ""
+    head = f"{sim}{asked.job} · {asked.machine}"
+    if not known:
+        return [f"{head}: {text('learned.no_versions')}"]
+    columns = ("version", "date", "strategy", "from", "gain", "ront", "lobe", "now")
+    rows = [tuple(text(f"learned.column.{name}") for name in columns)]
+    rows += [_row(version, asked, text) for version in known]
+    return [head, "", *table(rows, numeric=(0, 4, 5, 6))]
+
+
+def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tuple[str, ...]:
+    part = version.part
+    reverts = version.reverts
+    return (
+        str(version.version),
+        version.date,
+        version.holds_for.strategy,
+        str(version.parent) if reverts is None else text("learned.again", version=reverts),
+        f"{version.gain:g}",
+        "" if part is None else f"{part.ront_um:.2f}",
+        "" if part is None else f"{2 * part.lobe.amplitude_um:.2f}",
+        text("learned.holds" if _holds(version, asked) else "learned.changed"),
+    )
+
+
+def _holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
+    """Whether job and machine are still those that it was learned for."""
+    holds = version.holds_for
+    return (holds.job_sha256, holds.machine_sha256) == (asked.job_sha256, asked.machine_sha256)
+
+
+def _facts(lesson: Lesson, text: Catalogue) -> list[tuple[str, str]]:
+    waves = ", ".join(str(n) for n in lesson.learned) or text("learned.no_waves")
+    rows = [(text("learned.waves"), waves), (text("learned.gain"), f"{lesson.next.gain:g}")]
+    contraction = lesson.contraction
+    if contraction is None:
+        return rows
+    share, late_deg = _arrives(contraction, lesson.next.path)
+    late = text("learned.arrives_late", share=f"{100 * share:.1f}", late=f"{late_deg:+.2f}")
+    factor = f"{contraction.value:.2f} ± {contraction.half_width:.2f}"
+    verdict = text(f"learned.verdict.{contraction.verdict}")
+    return [*rows, (text("learned.arrives"), late), (text("learned.factor"), f"{factor}: {verdict}")]
+
+
+def _arrives(contraction: Contraction, path: CutPath) -> tuple[float, float]:
+    """Return the share of the path that arrives, and by how many spindle degrees late."""
+    wanted: LobedPath = path.wanted
+    return abs(contraction.arrives), -math.degrees(cmath.phase(contraction.arrives)) / wanted.lobes

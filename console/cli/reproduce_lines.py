@@ -1,0 +1,115 @@
+"""The paper beside ours as rows, lines and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from console.text.catalogue import Catalogue
+from console.text.columns import broken
+from profiles.paper.record import Figure, Record, Relation, Section
+
+ACCEPTANCE = "acceptance"
+YES, NO = "✓", "✗"
+_SIGNS = {Relation.NEAR: "", Relation.AT_MOST: "≤ ", Relation.ABOVE: "> "}
+_REASON_COLUMNS = 100
+_EXACT = 1e-6
+"""A tolerance up to this is only for rounding, and not told."""
+
+Row = tuple[str, str, str, str, str]
+
+
+def head(section: Section, text: Catalogue) -> Row:
+    """Return the titles of the columns; of the acceptance numbers the first is what must come out."""
+    said = text("reproduce.head.target" if section.name == ACCEPTANCE else "reproduce.head.paper")
+    what, ours, difference = (text(f"reproduce.head.{name}") for name in ("what", "ours", "difference"))
+    return what, said, ours, difference, ""
+
+
+def rows(records: Sequence[Record], text: Catalogue) -> list[Row]:
+    """Return what, paper, ours, difference and whether it holds for each record."""
+    return [_row(record, text) for record in records]
+
+
+def reasons(records: Sequence[Record], text: Catalogue) -> list[str]:
+    """Return why ours is another number, each reason once, with the row that asks for it first."""
+    first = {record.why: record for record in reversed(records) if record.why}
+    asked = dict.fromkeys(record.why for record in records if record.why)
+    return [f"{name(first[why], text)} – {text(f'reproduce.why.{why}')}" for why in asked]
+
+
+def lines(section: Section, text: Catalogue) -> list[str]:
+    """Return the reasons of a section as lines of a terminal."""
+    told = []
+    for reason in reasons(section.records, text):
+        first, *further = broken(reason, _REASON_COLUMNS)
+        told += [f"  · {first}", *(f"    {line}" for line in further)]
+    return told
+
+
+def name(record: Record, text: Catalogue) -> str:
+    """Return what a record is about."""
+    sentence = text(f"reproduce.row.{record.name}", at=word(record.at, text))
+    return f"{record.number:>2}  {sentence}" if record.number else sentence
+
+
+def title(figure: Figure, text: Catalogue) -> str:
+    """Return what a figure shows."""
+    return text(f"reproduce.figure.{figure.name}", at=word(figure.at, text))
+
+
+def word(name: str, text: Catalogue) -> str:
+    """Return a word of the catalogue in this language; a value such as "10 Hz" is itself."""
+    return text(f"reproduce.word.{name}") if name.isidentifier() else name
+
+
+def fields(section: Section, text: Catalogue) -> dict[str, object]:
+    """Return a section for JSON, unrounded."""
+    return {
+        "name": section.name,
+        "records": [_record(each, text) for each in section.records],
+        "figures": [_figure(each) for each in section.figures],
+    }
+
+
+def _row(record: Record, text: Catalogue) -> Row:
+    off, holds = record.difference, record.holds
+    unit = f" {record.unit}" if record.unit else ""
+    expected = "–" if record.expected is None else f"{_SIGNS[record.relation]}{record.expected:.4g}{unit}"
+    return (
+        name(record, text),
+        expected,
+        f"{record.ours:z.4g}{unit}",
+        "" if off is None else _off(off, record.tolerance),
+        "" if holds is None else YES if holds else NO,
+    )
+
+
+def _off(difference: float, tolerance: float) -> str:
+    shown = "0" if abs(difference) <= 1e-3 * max(tolerance, _EXACT) else f"{difference:+.3g}"
+    return f"{shown} (± {tolerance:.2g})" if tolerance > _EXACT else shown
+
+
+def _record(record: Record, text: Catalogue) -> dict[str, object]:
+    return {
+        "name": record.name,
+        "at": record.at,
+        "number": record.number or None,
+        "expected": record.expected,
+        "relation": record.relation.value,
+        "tolerance": record.tolerance,
+        "ours": record.ours,
+        "unit": record.unit,
+        "difference": record.difference,
+        "holds": record.holds,
+        "why": text(f"reproduce.why.{record.why}") if record.why else None,
+    }
+
+
+def _figure(figure: Figure) -> dict[str, object]:
+    return {
+        "name": figure.name,
+        "at": figure.at,
+        "x_unit": figure.x_unit,
+        "y_unit": figure.y_unit,
+        "curves": [{"name": c.name, "x": c.x.tolist(), "y": c.y.tolist()} for c in figure.curves],
+    }

@@ -1,0 +1,92 @@
+"""Learned compensations on the disk: one file a version, never overwritten, found again by what they hold for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from urllib.parse import quote
+
+from console.session.errors import SessionError
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.learned import HoldsFor, LearnedCompensation, as_table, differences, from_table
+from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedJob, LoadedMachine
+
+FOLDER = "learned"
+CAP_BYTES = 1_000_000
+NONE, NEWEST = "none", "newest"
+
+
+def asked_for(job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulated: bool) -> HoldsFor:
+    """Return what a compensation has to hold for to be used in this cut."""
+    return HoldsFor(
+        job=job.job.name,
+        job_sha256=job.sha256,
+        machine=machine.machine.name,
+        machine_sha256=machine.sha256,
+        simulated=simulated,
+        strategy=strategy,
+    )
+
+
+def store(data: Path, learned: LearnedCompensation) -> Path:
+    """Keep a version in the data folder, and return its file.
+
+    Raises:
+        ProfileError: `file.exists`, somebody else has kept this version meanwhile; `file.not_writable`.
+    """
+    folder = _folder(data, learned.holds_for)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        where, value = printable(str(folder)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+    path = folder / f"version-{learned.version:06d}.json"
+    content = json.dumps(as_table(learned), ensure_ascii=False, allow_nan=False, indent=2)
+    write_atomically(path, f"{content}\n".encode(), overwrite=False)
+    return path
+
+
+def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
+    """Return all versions of a job on a machine, oldest first, whether they still hold or not.
+
+    Raises:
+        ProfileError: a file that cannot be read, or is none of ours: it may be the one that was asked for.
+    """
+    return tuple(_load(file) for file in sorted(_folder(data, asked).glob("version-*.json")))
+
+
+def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -> LearnedCompensation | None:
+    """Return the version that `word` means: "none", "newest" or its number; None is that of the model.
+
+    Raises:
+        SessionError: `learned.none`, `learned.unknown`; why it does not hold for what is asked, see `differences`.
+    """
+    if word == NONE:
+        return None
+    if not known:
+        raise SessionError(Problem(code="learned.none", key=asked.job, value=asked.machine))
+    found = known[-1] if word == NEWEST else next((each for each in known if str(each.version) == word), None)
+    if found is None:
+        limit = f"1 … {known[-1].version}"
+        raise SessionError(Problem(code="learned.unknown", value=word, limit=limit))
+    if problems := differences(found, asked):
+        raise SessionError(*problems)
+    return found
+
+
+def _load(file: Path) -> LearnedCompensation:
+    where = printable(str(file))
+    content = read_regular_file(file, cap_bytes=CAP_BYTES)
+    try:
+        table = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        value = printable(str(error))
+        raise ProfileError(Problem(code="learned.file", where=where, value=value)) from error
+    return from_table(table, where)
+
+
+def _folder(data: Path, asked: HoldsFor) -> Path:
+    """Return the folder of a job on a machine, whatever their names have in them."""
+    names = [quote(name, safe=" ").replace(".", "%2E") for name in (asked.machine, asked.job)]
+    return data.joinpath(FOLDER, "simulated" if asked.simulated else "machine", *names)

@@ -1,0 +1,107 @@
+"""What goes on beside a cut that learns: batches of the tool are gathered, and a trim is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from console.session.errors import SessionError
+from drivers.cut import CutPlan, Strategy
+from drivers.cut_gather import Batch, BatchGather
+from drivers.errors import DriverError
+from drivers.identification.nominal import nominal_response
+from drivers.lathe import Lathe
+from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
+from drivers.snapshot import Snapshot
+from profiles.job import Job
+from profiles.learning import Deviation, HarmonicFit, trimmed
+from profiles.problem import Problem, ProfileError
+
+AIR_BATCH_S = 1.0
+CUT_BATCH_S = 0.25
+
+TRIM_GAIN = 0.7
+
+HELD_FOR = ("learning.trim_limit", "learning.few_samples", "gather.failed")
+"""What ends a cut as a hold does: the machine is well, and only what is learned of it is not."""
+
+
+class AirWatch:
+    """Gathers one long batch in air."""
+
+    def __init__(self, lathe: Lathe, lobes: int) -> None:
+        self._gather: BatchGather = lathe.batches()
+        self._lobes = lobes
+        self._batches: list[Batch] = []
+
+    def begin(self, plan: CutPlan) -> None:
+        """Set the card up."""
+        self._gather.prepare(plan, self._lobes, AIR_BATCH_S, self._batches.append)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Let the gathering go on."""
+        self._gather.see(snapshot)
+
+    def last(self) -> Batch:
+        """Return what was gathered.
+
+        Raises:
+            SessionError: `learning.nothing_gathered`.
+        """
+        if not self._batches:
+            raise SessionError(Problem(code="learning.nothing_gathered"))
+        return self._batches[-1]
+
+
+class CutLearner:
+    """Trims a cut by what the tool is off in it, a batch at a time."""
+
+    def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit]) -> None:
+        self._lathe, self._job, self._off = lathe, job, off
+        self._gather = lathe.batches()
+        self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
+        self._found: list[tuple[float, HarmonicFit]] = []
+        self._failed: DriverError | ProfileError | None = None
+        self.trim_um = 0j
+
+    def begin(self, plan: CutPlan) -> None:
+        """Set the card up."""
+        self._gather.prepare(plan, self._job.jaws, CUT_BATCH_S, self._take)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Let the gathering go on. What goes wrong with it ends the cut at the end of its turn, tool out first."""
+        if self._failed is not None:
+            return
+        try:
+            self._gather.see(snapshot)
+        except (DriverError, ProfileError) as error:
+            if error.problems[0].code not in HELD_FOR:
+                raise
+            self._failed = error
+            self._lathe.hold()
+
+    def refuse_failed(self) -> None:
+        """Say what has ended the cut.
+
+        Raises:
+            ProblemError: `learning.trim_limit`, `learning.few_samples`, `gather.failed`.
+        """
+        if self._failed is not None:
+            raise self._failed
+
+    def _take(self, batch: Batch) -> None:
+        found = self._off(batch)
+        self._found.append((batch.past_middle_mm, found))
+        error_um = found.coefficients_um[self._job.jaws]
+        self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
+        self._lathe.trim(self.trim_um)
+
+    def off_in_the_middle(self) -> Deviation:
+        """Return what the tool was off where the part is measured.
+
+        Raises:
+            SessionError: `learning.nothing_gathered`.
+        """
+        if not self._found:
+            raise SessionError(Problem(code="learning.nothing_gathered"))
+        _, nearest = min(self._found, key=lambda each: abs(each[0]))
+        return Deviation(mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um)

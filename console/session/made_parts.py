@@ -1,0 +1,115 @@
+"""Which cut a part is from: what is said of it, what its trace says, what the run record says."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from console.session.errors import SessionError
+from console.session.learned_store import NONE
+from console.session.stages import Stage
+from profiles.learned import HoldsFor
+from profiles.problem import Problem
+
+LOCK_TIMEOUT_S = 1.0
+
+_QUERY = """
+SELECT events.kind, events.data FROM events JOIN runs USING (run_id)
+WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
+ORDER BY events.at_utc DESC
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeWith:
+    """How a part was cut: the version of the compensation ("none": nothing learned), the strategy, the stage.
+
+    `inverted` names the response that was inverted where nothing was learned.
+    """
+
+    compensation: str
+    strategy: str
+    stage: str
+    inverted: str
+
+    def __str__(self) -> str:
+        return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}"
+
+
+KEYS = ("compensation", "strategy", "stage")
+"""What has to be known of a cut; `inverted` is the model's response unless something says otherwise."""
+
+INVERTED, MODEL = "inverted", "model"
+
+
+def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: list[MadeWith | None]) -> MadeWith:
+    """Return how a part was cut, of which `said` and the header lines of its `trace` state something.
+
+    What neither states is that of the last part in `made`, newest first; None is one that was cut on the screen.
+
+    Raises:
+        SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
+            `learned.cut_unknown`, nobody says it.
+    """
+    stated = {key: trace[key] for key in (*KEYS, INVERTED) if key in trace}
+    for key in (*KEYS, INVERTED):
+        if key in said and stated.setdefault(key, said[key]) != said[key]:
+            raise _other(key, said[key], stated[key])
+    known = [each for each in made if each is not None]
+    fitting = [each for each in known if stated.items() <= asdict(each).items()]
+    missing = [key for key in KEYS if key not in stated]
+    if not missing and (INVERTED in stated or not fitting):
+        whole = MadeWith(**{INVERTED: MODEL, **stated})
+        if known and not fitting:
+            raise _other("", str(whole), " | ".join(dict.fromkeys(map(str, known))))
+        return whole
+    if (made and made[0] is None and "compensation" in missing) or not fitting:
+        raise SessionError(Problem(code="learned.cut_unknown", key=", ".join(f"--{key}" for key in missing)))
+    return fitting[0]
+
+
+def _other(key: str, value: str, limit: str) -> SessionError:
+    return SessionError(Problem(code="learned.other_version", key=key, value=value, limit=limit))
+
+
+def parts_made(folder: Path, asked: HoldsFor) -> list[MadeWith | None]:
+    """Return how the parts of this job on this machine were cut, newest first, None for those of the screen.
+
+    Raises:
+        SessionError: `record.unreadable`.
+    """
+    import sqlite3
+
+    from console.session.records import FILE_NAME
+
+    path = folder / FILE_NAME
+    if not path.is_file():
+        return []
+    try:
+        database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=LOCK_TIMEOUT_S)
+        try:
+            keys = (int(asked.simulated), asked.job_sha256, asked.machine_sha256)
+            rows = database.execute(_QUERY, keys).fetchall()
+        finally:
+            database.close()
+    except sqlite3.Error as error:
+        raise SessionError(Problem(code="record.unreadable", where=str(path), value=str(error))) from error
+    return [made for kind, data in rows for made in _made(kind, data)]
+
+
+def _made(kind: str, data: str) -> list[MadeWith | None]:
+    """Return the part of an event; nothing for a cut in air, or parts in a row, which learn by themselves."""
+    if kind == "cut":
+        return [None]
+    try:
+        event = json.loads(data)
+        strategy, stage, inverted = (str(event[key]) for key in ("strategy", "stage", INVERTED))
+        version = event["compensation"]
+    except (ValueError, TypeError, KeyError):
+        return []  # written by another version of the console
+    if stage == Stage.AIR or "passes" in event:
+        return []
+    compensation = NONE if version is None else str(version)
+    return [MadeWith(compensation=compensation, strategy=strategy, stage=stage, inverted=inverted)]

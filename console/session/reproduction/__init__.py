@@ -1,0 +1,1 @@
+"""What of the paper needs the lathe: its program executed, and cuts that learn, on the simulated controller."""

@@ -1,0 +1,114 @@
+"""A simulated lathe in this process, as `console run --sim` has it, and one short part cut on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.sequence import Beside, CutOutcome, Shop, cut_part
+from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.heartbeat import Heartbeat, cut_condition
+from drivers.lathe import Lathe
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.stop import StopPath
+from profiles.compensation import CutPath
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.roundness import RoundnessResult, evaluate
+
+CUT_MM = 2.0
+"""Forty turns of the paper's jobs: the part is measured in their middle, and is the same in a longer cut."""
+
+
+class Bench:
+    """One lathe. Parts are cut on it one after the other; it is homed for the first."""
+
+    def __init__(self, machine: MachineProfile, true: TrueParameters | None = None) -> None:
+        """`true` is what the iron is like, None as the profile says."""
+        self.machine = machine
+        self._lathe = lathe = SimulatedLathe(machine, true)
+        link = MemoryLink(lathe.connect(), lathe)
+        client = PmacClient(link, lathe)
+        heartbeat = Heartbeat(client, lathe, machine)
+        self.lathe = Lathe(client, machine, lathe, StopPath(link), heartbeat=heartbeat)
+        self._shop = Shop(lathe=self.lathe, clamp=lathe.mount, measure=lathe.measure, simulated=True)
+        self._homed = False
+
+    def plan(
+        self,
+        job: Job,
+        strategy: Strategy,
+        ts_ms: int | None = None,
+        *,
+        path: CutPath | None = None,
+        air_mm: float = 0,
+    ) -> CutPlan:
+        """Plan a cut from the turn that the spindle is nearest to."""
+        return plan_cut(
+            job,
+            self.machine,
+            strategy,
+            ts_ms,
+            from_turn=self._turn(),
+            lease=cut_condition(self.machine),
+            path=path,
+            air_mm=air_mm,
+        )
+
+    def cut(self, job: Job, plan: CutPlan, beside: Beside | None = None, *, air: bool = False) -> CutOutcome:
+        """Cut a part, in air without one.
+
+        Raises:
+            ProblemError: what went wrong.
+        """
+        shop = replace(self._shop, clamp=lambda _: None, measure=None) if air else self._shop
+        outcome = cut_part(shop, job, plan, lambda *_: None, beside, homed=self._homed)
+        self._homed = True
+        return outcome
+
+    def iron(self) -> tuple[float, float]:
+        """Return where tool and spindle really are, counts: between two counts no encoder tells."""
+        motors = self._lathe.controller.motors
+        return motors[self.machine.tool.motor].iron, motors[self.machine.spindle.motor].iron
+
+    def _turn(self) -> int:
+        if not self._homed:
+            return 0
+        return round(self.lathe.snapshot().spindle.position / self.machine.spindle.counts_per_rev)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A part with the plan that it was cut by. The angle and deviation have shape (M,), free state, unfiltered."""
+
+    plan: CutPlan
+    spindle_speed_rpm: float
+    roundness: RoundnessResult
+    angle_deg: NDArray[np.float64]
+    deviation_um: NDArray[np.float64]
+
+
+def shortened(job: Job) -> Job:
+    """Return the job with a short cut."""
+    return replace(job, cut_length_mm=CUT_MM)
+
+
+def part_of(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None) -> Part:
+    """Cut a part on a lathe of its own that is as its profile says, and measure it without a filter."""
+    bench, short = Bench(machine), shortened(job)
+    plan = bench.plan(short, strategy, ts_ms)
+    outcome = bench.cut(short, plan)
+    assert outcome.trace is not None  # a bench measures
+    angle, deviation = outcome.trace.angle_deg, outcome.trace.deviation_um
+    return Part(
+        plan=plan,
+        spindle_speed_rpm=outcome.figures.spindle_speed_rpm,
+        roundness=evaluate(angle, deviation, None),
+        angle_deg=angle,
+        deviation_um=deviation,
+    )

@@ -1,0 +1,136 @@
+"""Passes of one cut that learn by the scale of the tool alone, in air and in the part, and what each was off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.reproduction.bench import Bench, shortened
+from drivers.cut import CutPlan, Strategy, nominal_command
+from drivers.cut_gather import Batch
+from drivers.identification.nominal import nominal_response
+from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.snapshot import Snapshot
+from profiles.compensation import CutPath, LobedPath, wanted_path
+from profiles.job import Job
+from profiles.learning import fit_harmonics, learned_command
+from profiles.machine import MachineProfile
+
+BATCH_S = 1.0
+CLEAR_MM = 1.0
+"""How far from the part the tool stays in air."""
+
+WAVES = tuple(range(1, 16))
+"""In a turn, of which an average turn is made."""
+
+OVERTONES = 3
+DRIFT_POWERS = 3
+"""A soft axis swims back to its depth while it cuts; that is size and taper, no roundness, and taken off first."""
+
+_AROUND_DEG = np.arange(0.0, 360.0, 0.5)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pass:
+    """What the tool was off in one pass, um peak to peak.
+
+    `lobe_um_pp` is the wave of the lobe, by the scale; `averaged_um_pp` a whole average turn without its wave of
+    eccentricity; `places_um_pp` all single places of the iron.
+    """
+
+    lobe_um_pp: float
+    averaged_um_pp: float
+    places_um_pp: float
+
+
+def learned_passes(
+    job: Job, machine: MachineProfile, true: TrueParameters, in_air: Sequence[bool]
+) -> tuple[Pass, ...]:
+    """Return the passes on one lathe, each in air or in a new blank, and each with what those before have taught.
+
+    The first has the inverse of the profile's servo. Between two passes the lobe's error, and that of its
+    overtones, goes into the command with gain 1 through that same inverse; the part is never measured for it.
+    """
+    bench, short = Bench(machine, true), shortened(job)
+    path = CutPath(wanted=wanted_path(job), command=nominal_command(job, machine, Strategy.CAM))
+
+    def response(waves: int) -> complex:
+        return nominal_response(Strategy.CAM, machine, waves * job.spindle_speed_rpm / 60.0)
+
+    passes = []
+    for air in in_air:
+        out_mm = CLEAR_MM + job.depth_of_cut_mm if air else 0.0
+        plan = bench.plan(short, Strategy.CAM, path=path, air_mm=out_mm)
+        watch = _Watch(bench, path.wanted, job.jaws)
+        bench.cut(short, plan, watch, air=air)
+        angle_deg, off_um = watch.off()
+        found = fit_harmonics(angle_deg, off_um, WAVES).coefficients_um
+        passes.append(
+            Pass(
+                lobe_um_pp=2.0 * abs(found[job.jaws]),
+                averaged_um_pp=_turn_um_pp(found),
+                places_um_pp=watch.places_um_pp(),
+            )
+        )
+        learnable = {job.jaws * k: found[job.jaws * k] for k in range(1, OVERTONES + 1)}
+        path = learned_command(path, learnable, response)
+    return tuple(passes)
+
+
+def _turn_um_pp(found: Mapping[int, complex]) -> float:
+    """Return the swing of an average turn; a wave once a turn only moves the part aside."""
+    waves = [np.real(c * np.exp(1j * n * np.radians(_AROUND_DEG))) for n, c in found.items() if n > 1]
+    return float(np.ptp(np.sum(waves, axis=0)))
+
+
+def _steady(angle_deg: Floats, off_um: Floats) -> Floats:
+    """Return what is off without its drift."""
+    turns = (angle_deg - angle_deg[0]) / 360.0
+    return np.asarray(off_um - np.polyval(np.polyfit(turns, off_um, DRIFT_POWERS), turns), dtype=np.float64)
+
+
+class _Watch:
+    """Gathers one batch of a pass, and looks where the iron is while the tool is on its path."""
+
+    def __init__(self, bench: Bench, wanted: LobedPath, lobes: int) -> None:
+        self._bench, self._wanted, self._lobes = bench, wanted, lobes
+        self._gather = bench.lathe.batches()
+        self._batches: list[Batch] = []
+        self._iron: list[tuple[float, float]] = []
+        self._plan: CutPlan | None = None
+
+    def begin(self, plan: CutPlan) -> None:
+        """Set the card up."""
+        self._plan = plan
+        self._gather.prepare(plan, self._lobes, BATCH_S, self._batches.append)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Let the gathering go on, and look."""
+        assert self._plan is not None  # a cut begins before it is seen
+        setup = self._plan.setup
+        fed = snapshot.carriage.position - self._plan.carriage_start
+        # Two turns at each end are left out: there the tool may be on its way.
+        clear = 2.0 * setup.carriage_per_turn
+        steady = clear < fed < setup.carriage_counts - clear and snapshot.tool.position > setup.surface
+        if snapshot.program_running and steady:
+            self._iron.append(self._bench.iron())
+        self._gather.see(snapshot)
+
+    def off(self) -> tuple[Floats, Floats]:
+        """Return spindle angles (deg) and how much too far out the tool was there, by its scale; (M,) each."""
+        batch = self._batches[-1]
+        off_um = self._wanted.at_um(batch.angle_deg, batch.past_middle_mm) - batch.infeed_um
+        return batch.angle_deg, _steady(batch.angle_deg, off_um)
+
+    def places_um_pp(self) -> float:
+        """Return the same of the iron itself, at every look: all places, peak to peak."""
+        assert self._plan is not None
+        machine, (tool, spindle) = self._bench.machine, np.array(self._iron).T
+        angle_deg = spindle / machine.spindle.counts_per_rev * 360.0
+        infeed_um = (tool - self._plan.setup.surface) * machine.tool.count_um
+        return float(np.ptp(_steady(angle_deg, self._wanted.at_um(angle_deg) - infeed_um)))

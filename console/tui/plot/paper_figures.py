@@ -1,0 +1,54 @@
+"""`console reproduce --plot`: the figures of the paper as text, without colours and without a screen."""
+
+from __future__ import annotations
+
+import shutil
+from argparse import Namespace
+from itertools import count
+
+import numpy as np
+
+from console.cli.reproduce import reproduce
+from console.cli.reproduce_lines import word
+from console.text.catalogue import Catalogue
+from console.tui.plot.scale import nice_limits
+from console.tui.plot.trace_view import Series, TracePicture, trace_cells
+from console.tui.theme import Token
+from profiles.paper.record import Figure
+
+MOST_COLUMNS, ROWS = 90, 14
+_MARKS = ("──", "╌╌", "··")
+"""The first curve is a line, the second a broken one, the third dots."""
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Print the comparison with its figures; 1 where an acceptance number is missed."""
+    columns = min(MOST_COLUMNS, shutil.get_terminal_size().columns)
+    return reproduce(options, text, lambda figure: figure_lines(figure, text, columns))
+
+
+def figure_lines(figure: Figure, text: Catalogue, columns: int = MOST_COLUMNS, rows: int = ROWS) -> list[str]:
+    """Return a figure with its legend."""
+    across = np.concatenate([curve.x for curve in figure.curves])
+    up = np.concatenate([curve.y for curve in figure.curves])
+    series = [
+        Series(x=curve.x, y=curve.y, token=Token.TEXT, dashed=place == 1, dots=place > 1)
+        for place, curve in zip(count(), figure.curves, strict=False)
+    ]
+    picture = TracePicture(
+        series=tuple(series),
+        x_limits=_x_limits(float(across.min()), float(across.max())),
+        y_limits=nice_limits(float(up.min()), float(up.max())),
+        y_unit=figure.y_unit,
+        x_unit=f" {figure.x_unit}",
+    )
+    drawn = [row.rstrip() for row in trace_cells(picture, columns, rows).text_rows()]
+    legend = "   ".join(
+        f"{mark} {word(curve.name, text)}" for mark, curve in zip(_MARKS, figure.curves, strict=False)
+    )
+    return [*drawn, f"    {legend}"]
+
+
+def _x_limits(low: float, high: float) -> tuple[float, float]:
+    """Return a whole turn where the points are nearly one, else round numbers."""
+    return (0.0, 360.0) if low == 0.0 and 359.0 <= high <= 360.0 else nice_limits(low, high)

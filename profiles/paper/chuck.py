@@ -1,0 +1,178 @@
+"""Figs 3 to 6 and Eqs 1 to 3: how a chuck gives way around the turn, and how many lobes that makes.
+
+The paper gives conditions, not readings: what can be compared is where the stiffness is largest and what makes it
+larger. Jaw length and contacts are those of the machine profile, assumed there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.chucking.contact import Contact, Overhung, cantilever_um, overhung_deflection, stiffness_at
+from profiles.chucking.holding import REFERENCE_FORCE_N, holding_of
+from profiles.chucking.reaction import Reaction, amplification, displacement_um, eq3_um, forced_harmonics
+from profiles.machine import MachineProfile
+from profiles.materials import material_named
+from profiles.paper.record import Curve, Figure, Record, Relation, Section
+
+FloatArray = NDArray[np.float64]
+
+TURN_DEG = np.arange(0.0, 361.0)
+CHUCKING_N = (3077.0, 6593.0)
+"""The two chucking forces that the captions name; totals over three jaws."""
+
+_FIG_3_N, _FIG_4_N, _FIG_5_N = 150.0, 150.0, 700.0
+_FAR_MM = 125.0
+_BARS_MM = (35.0, 68.0)
+_PLACES_MM = (25.0, 75.0, 125.0)
+_LOADS_N = (200.0, 400.0, 600.0)
+
+SWINGING = Reaction(
+    mass_kg=4.0,
+    damping_n_s_per_m=200.0,
+    stiffness_n_per_m=4.0 * (100.0 * np.pi) ** 2,
+    jaws=3,
+    a_n=(10.0, 4.0),
+    b_n=(),
+    exponent=2.0,
+)
+"""A chuck that resonates at 50 Hz, where Eq 3 is true; the paper has no numbers of its own."""
+
+
+def bar_um(
+    machine: MachineProfile,
+    diameter_mm: float,
+    overhang_mm: float,
+    load_n: float,
+    chucking_n: float,
+    angle: ArrayLike,
+) -> FloatArray:
+    """Return how far a steel bar gives way at the load, pushed at angles (deg) from a jaw; in their shape."""
+    held = holding_of(machine)
+    per_jaw_n = chucking_n / 3
+    contact = Contact(
+        jaws=3,
+        stiffness_n_per_um=stiffness_at(
+            held.stiffness_n_per_um, REFERENCE_FORCE_N, per_jaw_n, held.contact_exponent
+        ),
+        force_per_jaw_n=per_jaw_n,
+        alpha=held.contact_exponent,
+    )
+    place = Overhung(jaw_length_mm=held.jaw_length_mm, overhang_mm=overhang_mm)
+    bent = cantilever_um(material_named("steel"), diameter_mm, overhang_mm, load_n)
+    return overhung_deflection(contact, place, load_n, angle).along_um + bent
+
+
+def section(machine: MachineProfile) -> Section:
+    """Return the comparison of Figs 3 to 6 and of Eq 3."""
+    return Section(
+        name="chuck",
+        records=(*_fig_3(machine), *_fig_4_and_5(machine), *_fig_6(), *_eq_3()),
+        figures=(_figure_3(machine), _figure_4(machine), *_figures_5(machine), _figure_6()),
+    )
+
+
+def _fig_3(machine: MachineProfile) -> tuple[Record, ...]:
+    low, high = (_FIG_3_N / bar_um(machine, 65.0, _FAR_MM, _FIG_3_N, each, TURN_DEG) for each in CHUCKING_N)
+    first, second = (float(TURN_DEG[low[span].argmax() + span.start]) for span in (slice(0, 60), slice(60, 180)))
+    return (
+        Record(name="fig3.stiffest", ours=first, unit="deg", at="1", expected=0.0, tolerance=0.5),
+        Record(name="fig3.stiffest", ours=second, unit="deg", at="2", expected=120.0, tolerance=0.5),
+        Record(name="fig3.force", ours=float(high.mean() / low.mean()), expected=1.0, relation=Relation.ABOVE),
+        Record(name="fig3.range", ours=float(low.max() / low.min()), expected=1.0, relation=Relation.ABOVE),
+    )
+
+
+def _fig_4_and_5(machine: MachineProfile) -> tuple[Record, ...]:
+    around = np.arange(360.0)
+    fig_4 = bar_um(machine, 35.0, _FAR_MM, _FIG_4_N, CHUCKING_N[0], around)
+    waves = np.abs(np.fft.rfft(fig_4 - fig_4.mean()))
+    by_load = [np.ptp(bar_um(machine, 68.0, _FAR_MM, load, CHUCKING_N[1], around)) for load in _LOADS_N]
+    thin, thick = (bar_um(machine, each, _FAR_MM, 400.0, CHUCKING_N[1], around).mean() for each in _BARS_MM)
+    near, far = (
+        np.ptp(bar_um(machine, 68.0, each, _FIG_5_N, CHUCKING_N[1], around))
+        for each in (_PLACES_MM[0], _PLACES_MM[-1])
+    )
+
+    def more(name: str, ours: float) -> Record:
+        return Record(name=name, ours=ours, expected=1.0, relation=Relation.ABOVE)
+
+    return (
+        Record(name="fig4.waves", ours=float(waves.argmax()), expected=3.0),
+        Record(name="fig4.variation", ours=float(np.ptp(fig_4)), unit="um", why="contact"),
+        more("fig5.load", float(by_load[-1] / by_load[0])),
+        more("fig5.diameter", float(thin / thick)),
+        more("fig5.place", float(far / near)),
+    )
+
+
+def _fig_6() -> tuple[Record, ...]:
+    around = np.arange(360.0)
+    return tuple(
+        Record(
+            name="fig6.lobes",
+            at=f"{jaws}",
+            ours=float(np.abs(np.fft.rfft(_eq3_lobe_um(jaws, around))).argmax()),
+            expected=float(jaws),
+        )
+        for jaws in (2, 3, 4)
+    )
+
+
+def _eq3_lobe_um(jaws: int, angle_deg: FloatArray) -> FloatArray:
+    """Return the depth of Eq 3 about its mean, a cut of a tenth of the radius."""
+    depth = eq3_um(replace(SWINGING, jaws=jaws), 1000.0, angle_deg, 0.9)
+    return np.asarray(depth - depth[:360].mean(), dtype=np.float64)
+
+
+def _eq_3() -> tuple[Record, ...]:
+    """At resonance Eq 3 is the general steady state; far below it, it is not."""
+    (wave,) = forced_harmonics(SWINGING, 1000.0)
+    printed = eq3_um(SWINGING, 1000.0, np.arange(360.0), 0.0)
+    moved = displacement_um(SWINGING, 1000.0, np.arange(360.0))
+    gain, _ = amplification(0.1, 0.03)
+    resonant, _ = amplification(1.0, 0.03)
+    return (
+        Record(
+            name="eq3.resonance",
+            ours=float(np.ptp(moved)) / 2,
+            unit="um",
+            expected=float(np.ptp(printed)) / 2,
+            tolerance=1e-3 * wave.amplitude_um,
+        ),
+        Record(name="eq3.below", ours=resonant / gain, expected=1.0, tolerance=0.05, why="quasi_static"),
+    )
+
+
+def _figure_3(machine: MachineProfile) -> Figure:
+    curves = (
+        Curve.of(f"{force:.0f} N", TURN_DEG, _FIG_3_N / bar_um(machine, 65.0, _FAR_MM, _FIG_3_N, force, TURN_DEG))
+        for force in CHUCKING_N
+    )
+    return Figure(name="fig3", x_unit="deg", y_unit="N/um", curves=tuple(curves))
+
+
+def _figure_4(machine: MachineProfile) -> Figure:
+    moved = bar_um(machine, 35.0, _FAR_MM, _FIG_4_N, CHUCKING_N[0], TURN_DEG)
+    return Figure(name="fig4", x_unit="deg", y_unit="um", curves=(Curve.of("150 N", TURN_DEG, moved),))
+
+
+def _figures_5(machine: MachineProfile) -> tuple[Figure, Figure]:
+    def varied(overhang_mm: float, load_n: float) -> FloatArray:
+        moved = bar_um(machine, 68.0, overhang_mm, load_n, CHUCKING_N[1], TURN_DEG)
+        return np.asarray(moved - moved.mean(), dtype=np.float64)
+
+    loads = (Curve.of(f"{load:.0f} N", TURN_DEG, varied(_FAR_MM, load)) for load in _LOADS_N)
+    places = (Curve.of(f"{place:.0f} mm", TURN_DEG, varied(place, _FIG_5_N)) for place in _PLACES_MM)
+    return (
+        Figure(name="fig5a", x_unit="deg", y_unit="um", curves=tuple(loads)),
+        Figure(name="fig5b", x_unit="deg", y_unit="um", curves=tuple(places)),
+    )
+
+
+def _figure_6() -> Figure:
+    curves = (Curve.of(f"N = {jaws}", TURN_DEG, _eq3_lobe_um(jaws, TURN_DEG)) for jaws in (2, 3, 4))
+    return Figure(name="fig6", x_unit="deg", y_unit="um", curves=tuple(curves))

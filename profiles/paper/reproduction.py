@@ -1,0 +1,18 @@
+"""The paper beside what comes out here, as far as it needs no lathe."""
+
+from __future__ import annotations
+
+from profiles.paper import acceptance, chuck, parts, servo_figures, slips
+from profiles.paper.experiments import Experiments
+from profiles.paper.record import Section
+
+
+def sections(paper: Experiments) -> tuple[Section, ...]:
+    """Return the figures, tables, equations and slips in the order of the paper, then the acceptance numbers."""
+    return (
+        chuck.section(paper.machine),
+        servo_figures.section(paper.machine),
+        parts.section(paper),
+        slips.section(paper),
+        acceptance.section(paper),
+    )

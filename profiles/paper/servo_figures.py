@@ -1,0 +1,149 @@
+"""Section 4.2, Figs 11 and 12 and Table 5: the closed loop of Eq 9, and what the real one did."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from profiles.envelope import first_beyond
+from profiles.machine import MachineProfile
+from profiles.paper import table_5
+from profiles.paper.eq9_in_time import step_error
+from profiles.paper.record import Curve, Figure, Record, Relation, Section
+from profiles.servo import eq9_response, eq9_summary, sampled_response
+
+PAPER_BANDWIDTH_HZ, PAPER_TOLERANCE_HZ = 80.0, 5.0
+COIL_KG = 2.95
+"""Table 2: the coil alone, without the slide and the tool that Table 4 has with it."""
+
+_TOP_HZ = 150.0
+_SETTLED_S = 0.1
+
+
+def section(machine: MachineProfile) -> Section:
+    """Return the comparison of section 4.2, Fig 11 and Table 5, with Fig 12."""
+    return Section(
+        name="servo",
+        records=(*_fig_11(machine), *_table_5(machine), *_fits(machine)),
+        figures=(*_figures_11(machine), *(_figure_12(machine, hz) for hz in table_5.FREQUENCIES_HZ)),
+    )
+
+
+def sampled_bandwidth_hz(machine: MachineProfile) -> float | None:
+    """Return where the loop, as the controller samples it, has lost half of its power; None if nowhere."""
+    nyquist_hz = 0.999 * 500 / machine.controller.servo_period_ms
+    return first_beyond(lambda f: 1 / np.abs(sampled_response(machine, f)), math.sqrt(2), nyquist_hz)
+
+
+def _fig_11(machine: MachineProfile) -> tuple[Record, ...]:
+    whole = eq9_summary(machine)
+    coil = eq9_summary(replace(machine, tool=replace(machine.tool, moving_mass_kg=COIL_KG)))
+
+    def bandwidth(at: str, hz: float, why: str = "") -> Record:
+        return Record(
+            name="fig11.bandwidth",
+            at=at,
+            ours=hz,
+            unit="Hz",
+            expected=PAPER_BANDWIDTH_HZ,
+            tolerance=PAPER_TOLERANCE_HZ,
+            why=why,
+        )
+
+    return (
+        bandwidth("eq9", whole.bandwidth_hz, "bandwidth"),
+        bandwidth("coil", coil.bandwidth_hz),
+        bandwidth("sampled", sampled_bandwidth_hz(machine) or math.inf),
+        Record(
+            name="eq9.overshoot", ours=whole.overshoot_percent, unit="%", expected=5.0, relation=Relation.AT_MOST
+        ),
+        Record(
+            name="eq9.steady", ours=_step_error_percent(machine), unit="%", expected=1.0, relation=Relation.AT_MOST
+        ),
+    )
+
+
+def _step_error_percent(machine: MachineProfile) -> float:
+    """Return how far a step is off after 0.1 s."""
+    return 100 * abs(step_error(machine, _SETTLED_S))
+
+
+def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
+    """Eq 9 as printed against the rows of the table, in its own units."""
+    met = eq9_response(machine, table_5.FREQUENCIES_HZ)
+    return (*_rows("eq9", met, why="feedforward"), *_rows("fitted", _fitted(machine)))
+
+
+def _fitted(machine: MachineProfile) -> np.ndarray:
+    fit = table_5.fitted_feedforward(machine)
+    return table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_share, fit.delay_s)
+
+
+def _rows(model: str, met: np.ndarray, why: str = "") -> tuple[Record, ...]:
+    """Return amplitude and phase errors of a response; the tolerances are twice the rms misfit of the best fit."""
+    rows = []
+    for i, hz in enumerate(table_5.FREQUENCIES_HZ):
+        at = f"{hz:g} Hz"
+        loss_um = table_5.COMMAND_UM_PP * (1 - abs(met[i]))
+        lag_rad = -float(np.angle(met[i]))
+        rows += [
+            Record(
+                name=f"table5.{model}.amplitude",
+                at=at,
+                ours=loss_um,
+                unit="um",
+                expected=table_5.AMPLITUDE_ERROR_UM[i],
+                tolerance=2.7,
+                why=why,
+            ),
+            Record(
+                name=f"table5.{model}.phase",
+                at=at,
+                ours=lag_rad,
+                unit="rad",
+                expected=table_5.PHASE_ERROR_RAD[i],
+                tolerance=0.12,
+                why=why,
+            ),
+        ]
+    return tuple(rows)
+
+
+def _fits(machine: MachineProfile) -> tuple[Record, ...]:
+    fit, (delay_s, _) = table_5.fitted_feedforward(machine), table_5.pure_delay_s()
+    return (
+        Record(name="table5.delay", ours=1000 * delay_s, unit="ms", why="delay"),
+        Record(name="table5.acceleration", ours=100 * fit.acceleration_share, unit="%"),
+        Record(name="table5.fitted_delay", ours=1000 * fit.delay_s, unit="ms"),
+        Record(name="table5.misfit", ours=table_5.misfit_of_eq9(machine), unit="rad"),
+    )
+
+
+def _figures_11(machine: MachineProfile) -> tuple[Figure, Figure]:
+    hz = np.linspace(0.5, _TOP_HZ, 300)
+    loops = {"eq9": eq9_response(machine, hz), "sampled": sampled_response(machine, hz)}
+    points = np.array(table_5.FREQUENCIES_HZ)
+    gains = [Curve.of(name, hz, np.abs(each)) for name, each in loops.items()]
+    phases = [Curve.of(name, hz, np.degrees(np.unwrap(np.angle(each)))) for name, each in loops.items()]
+    gains.append(Curve.of("table5", points, table_5.measured_gains()))
+    phases.append(Curve.of("table5", points, -np.degrees(table_5.PHASE_ERROR_RAD)))
+    return (
+        Figure(name="fig11.gain", x_unit="Hz", y_unit="", curves=tuple(gains)),
+        Figure(name="fig11.phase", x_unit="Hz", y_unit="deg", curves=tuple(phases)),
+    )
+
+
+def _figure_12(machine: MachineProfile, frequency_hz: float) -> Figure:
+    """Two lobes of the commanded 50 um and of what follows it, in counts as the paper has them."""
+    time_s = np.linspace(0.0, 2 / frequency_hz, 400)
+    turning = np.exp(2j * np.pi * frequency_hz * time_s)
+    counts = table_5.COMMAND_UM_PP / 2 / machine.tool.count_um
+    followed = {
+        "command": 1.0,
+        "eq9": complex(eq9_response(machine, frequency_hz)),
+        "table5": complex(table_5.measured_response(frequency_hz)),
+    }
+    curves = (Curve.of(name, 1000 * time_s, counts * np.imag(each * turning)) for name, each in followed.items())
+    return Figure(name="fig12", at=f"{frequency_hz:g} Hz", x_unit="ms", y_unit="cts", curves=tuple(curves))

@@ -1,0 +1,142 @@
+"""Table 5: what the real axis made of a command of 50 um, the readings of it, and models that fit it.
+
+The paper does not say whether its "amplitude error" is of the amplitude or of peak to peak, nor its sign.
+Responses are complex, from commanded to actual position, at frequencies in Hz; a lag is a negative phase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.machine import MachineProfile
+from profiles.servo import eq9_response, sampled_response
+from profiles.servo_gains import eq9_gains, gains_from_variables, variables_from_gains
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+FREQUENCIES_HZ = (10.0, 30.0, 50.0, 70.0)
+AMPLITUDE_ERROR_UM = (2.7, 8.6, 5.8, 6.3)
+PHASE_ERROR_RAD = (0.0, 0.126, 0.241, 0.275)
+COMMAND_UM_PP = 50.0
+
+WEIGHT = 0.03
+"""Of a gain, and of a phase in rad, in the fits."""
+
+
+class Reading(Enum):
+    """What the amplitude error is a share of, in um, and with which sign."""
+
+    LOSS_OF_AMPLITUDE = -1.0 / 25.0
+    LOSS_PEAK_TO_PEAK = -1.0 / 50.0
+    EXCESS_PEAK_TO_PEAK = 1.0 / 50.0
+    EXCESS_OF_AMPLITUDE = 1.0 / 25.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feedforward:
+    """Eq 9 with a share of full acceleration feedforward and a delay of its output, and how well that fits.
+
+    `chi2` is the sum over gains and phases of (misfit / `WEIGHT`)^2: eight data, two unknowns.
+    """
+
+    acceleration_share: float
+    delay_s: float
+    chi2: float
+
+
+def measured_gains(reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> FloatArray:
+    """Return |T| at `FREQUENCIES_HZ`; the loss of peak to peak is the reading that a simple loop can make."""
+    return np.asarray(1.0 + reading.value * np.array(AMPLITUDE_ERROR_UM), dtype=np.float64)
+
+
+def measured_response(frequency_hz: ArrayLike, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> ComplexArray:
+    """Return T of Table 5 in the shape of `frequency_hz`: straight lines from 1 at 0 Hz through the points.
+
+    Above 70 Hz, where nothing was measured, gain and lag are taken to fall with 1/f.
+    """
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    known_hz = (0.0, *FREQUENCIES_HZ)
+    gain = np.interp(frequency, known_hz, [1.0, *measured_gains(reading)])
+    lag = np.interp(frequency, known_hz, [0.0, *PHASE_ERROR_RAD])
+    fall = known_hz[-1] / np.maximum(frequency, known_hz[-1])
+    return np.asarray(gain * fall * np.exp(-1j * lag * fall), dtype=np.complex128)
+
+
+def pure_delay_s() -> tuple[float, float]:
+    """Return the delay that fits the phases best, and the misfit that it leaves, rms in rad."""
+    omega, lag = 2 * np.pi * np.array(FREQUENCIES_HZ), np.array(PHASE_ERROR_RAD)
+    delay_s = float(omega @ lag / (omega @ omega))
+    return delay_s, float(np.sqrt(np.mean((lag - omega * delay_s) ** 2)))
+
+
+def feedforward_response(
+    machine: MachineProfile, frequency_hz: ArrayLike, acceleration_share: float, delay_s: float
+) -> ComplexArray:
+    """Return (K C + a M s^2) exp(-s d) / (M s^2 + B s + K C): Eq 9 with acceleration feedforward, delayed."""
+    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    tool, gains = machine.tool, eq9_gains(machine)
+    control = gains.kp_v_per_m + gains.ki_v_per_m_s / s + gains.kd_v_s_per_m * s
+    added = acceleration_share * tool.moving_mass_kg * s**2 / (tool.loop_gain_n_per_v * control)
+    return np.asarray(
+        eq9_response(machine, frequency_hz) * (1 + added) * np.exp(-s * delay_s), dtype=np.complex128
+    )
+
+
+def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> Feedforward:
+    """Return the least squares fit of acceleration feedforward and delay to Table 5."""
+    from scipy.optimize import least_squares
+
+    def misfit(unknowns: FloatArray) -> FloatArray:
+        met = feedforward_response(machine, FREQUENCIES_HZ, unknowns[0], unknowns[1] / 1000.0)
+        off = np.concatenate([np.abs(met) - measured_gains(reading), np.angle(met) + PHASE_ERROR_RAD])
+        return np.asarray(off / WEIGHT, dtype=np.float64)
+
+    found = least_squares(misfit, (0.5, 0.5), xtol=1e-12)
+    share, delay_ms = (float(each) for each in found.x)
+    return Feedforward(acceleration_share=share, delay_s=delay_ms / 1000.0, chi2=float(2.0 * found.cost))
+
+
+def misfit_of_eq9(machine: MachineProfile) -> float:
+    """Return the rms in rad by which Eq 9 as printed misses the phases of Table 5."""
+    off = np.angle(eq9_response(machine, FREQUENCIES_HZ)) + PHASE_ERROR_RAD
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def with_measured_servo(machine: MachineProfile, frequency_hz: float) -> MachineProfile:
+    """Return the machine with Ix32 and Ix35 of its tool at which its sampled loop has Table 5's response there.
+
+    T is linear in both feedforward gains, so that two of them meet one complex number exactly, up to the whole
+    numbers that the controller takes. At other frequencies it is another loop than the paper's.
+    """
+    gains = gains_from_variables(machine)
+
+    def at(velocity: float, acceleration: float) -> complex:
+        changed = replace(
+            gains,
+            velocity_feedforward_v_s_per_m=velocity,
+            acceleration_feedforward_v_s2_per_m=acceleration,
+        )
+        return complex(sampled_response(machine, frequency_hz, changed))
+
+    without = at(0.0, 0.0)
+    by_velocity, by_acceleration = at(1.0, 0.0) - without, at(0.0, 1.0) - without
+    missing = complex(measured_response(frequency_hz)) - without
+    velocity, acceleration = np.linalg.solve(
+        [[by_velocity.real, by_acceleration.real], [by_velocity.imag, by_acceleration.imag]],
+        [missing.real, missing.imag],
+    )
+    told = variables_from_gains(
+        machine,
+        replace(
+            gains,
+            velocity_feedforward_v_s_per_m=float(velocity),
+            acceleration_feedforward_v_s2_per_m=float(acceleration),
+        ),
+    )
+    variables = {**machine.controller.variables, **told}
+    return replace(machine, controller=replace(machine.controller, variables=variables))

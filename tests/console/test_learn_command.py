@@ -1,0 +1,165 @@
+"""`console learn` and the stages of `console run`: a first part step by step, and what it teaches the next."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.cli.parser import build
+from console.cli.run_order import ordered
+from console.cli.run_part import cut_with_line, learn_hint
+from console.text.catalogue import load
+from profiles.files import printable
+from tests.signed_profile import signed_copy
+from tests.system.lathe_sites import compact_text
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+SOFT = ("--plant", "realistic", "--seed", "11")
+PLAIN = ("--sim", "--json")
+
+
+@pytest.fixture
+def ring(job_file: JobFile) -> str:
+    """Experiment 1 over a few turns."""
+    return str(job_file(cut_length_mm="1.0", feed_mm_per_rev="0.1"))
+
+
+@pytest.fixture
+def lathe(tmp_path: Path) -> tuple[str, str]:
+    """A lathe with short ways, so that most of the time is the cut."""
+    path = tmp_path / "lathe.toml"
+    path.write_text(compact_text("pmac"), encoding="utf-8")
+    return ("--machine", str(path))
+
+
+def lobe_um_pp(part: dict[str, Any]) -> float:
+    return 2.0 * next(float(h["amplitude_um"]) for h in part["harmonics"] if h["n"] == 3)
+
+
+def test_a_first_part_is_cut_in_air_by_half_and_whole(
+    console: Console, ring: str, lathe: tuple[str, str], tmp_path: Path
+) -> None:
+    air = console("run", ring, *lathe, *PLAIN, "--stage", "air").json
+    assert (air["stage"], air["compensation"], air["expected"]) == ("air", None, None)
+    assert (air["before"], air["after"], air["within_tolerance"], air["collisions"]) == (None, None, None, [])
+    assert air["tool_error_um"] < 2.0 and air["telemetry_samples"] > 10
+    trace = str(tmp_path / "half.csv")
+    half = console("run", ring, *lathe, *PLAIN, "--stage", "partial", "--part", trace).json
+    assert half["expected"] == {"right_um_pp": 27.5, "wrong_um_pp": 82.5}
+    assert half["after"]["RONt_um"] == pytest.approx(27.5, abs=0.5)
+    assert half["within_tolerance"] is None
+    # As it was to be: there is nothing to learn from it but that, and nothing is kept.
+    said = console("learn", trace, "--job", ring, *lathe, "--json").json
+    assert said["cut_with"] == {"compensation": "none", "strategy": "pvt", "stage": "partial", "inverted": "model"}
+    assert said["contraction"]["verdict"] == "converges"
+    assert said["contraction"]["arrives_share"] == pytest.approx(1.0, abs=0.02)
+    assert said["contraction"]["arrives_late_deg"] == pytest.approx(0.0, abs=0.3)
+    assert (said["expected"]["RONt_um"] < 0.5, said["kept"]) == (True, None)
+
+
+def test_the_second_part_is_rounder_and_one_can_go_back(
+    console: Console, ring: str, lathe: tuple[str, str], tmp_path: Path, data_folder: Path
+) -> None:
+    words, of_job = ("run", ring, *lathe, *PLAIN, *SOFT, "--strategy", "cam"), ("--job", ring, *lathe)
+    first, second = str(tmp_path / "1.csv"), str(tmp_path / "2.csv")
+    before_um = console(*words, "--part", first).json["after"]["RONt_um"]
+    lesson = console("learn", first, *of_job, "--keep", "--json").json
+    assert (lesson["next"]["version"], lesson["next"]["gain"], lesson["learned_waves"]) == (1, 1.0, [3, 6, 9])
+    made = console(*words, "--compensation", "newest", "--part", second).json
+    assert (made["compensation"], made["stage"]) == (1, "full")
+    assert made["after"]["RONt_um"] < 0.5 * before_um < 8.0 < before_um
+    lesson = console("learn", second, *of_job, "--keep", "--json").json
+    assert (lesson["next"]["version"], lesson["next"]["parent"], lesson["next"]["gain"]) == (2, 1, 0.7)
+    assert lesson["contraction"]["verdict"] != "diverges"
+    # The first part again, said to be one of version 1: its trace knows better.
+    said = console("learn", first, *of_job, "--compensation", "1", "--keep")
+    assert said.code == 1 and "compensation 1" in said.err and "none" in said.err
+    assert console("learn", *of_job, "--revert", "1", "--sim", "--keep").code == 0
+    known = console("learn", *of_job, "--list", "--sim", "--json").json["versions"]
+    assert [(v["version"], v["parent"], v["reverts"], v["holds"]) for v in known] == [
+        (1, 0, None, True),
+        (2, 1, None, True),
+        (3, 0, 1, True),
+    ]
+    assert known[2]["path"] == known[0]["path"]
+    assert "is 1" in console("learn", *of_job, "--list", "--sim").out
+    files = sorted((data_folder / "trilobe" / "learned" / "simulated").rglob("*.json"))
+    assert [json.loads(file.read_text())["version"] for file in files] == [1, 2, 3]
+
+
+@pytest.fixture
+def learned(console: Console, ring: str, tmp_path: Path) -> str:
+    """A trace with which a first version was kept: it says itself what it was cut with."""
+    rows = [f"{a},{3.0 if a % 120 < 60 else -3.0}" for a in range(360)]
+    head = ("state: free", "simulated: yes", "direction: spindle", "start_mark: spindle index")
+    cut = ("compensation: none", "strategy: cam", "stage: full")
+    path = tmp_path / "square.csv"
+    path.write_text("\n".join([*(f"# {line}" for line in (*head, *cut)), "angle_deg,deviation_um", *rows]))
+    said = console("learn", str(path), "--job", ring, "--keep")
+    assert said.code == 0 and "kept as version 1" in said.out
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--strategy", "pvt", "--compensation", "newest"), ("--strategy cam",)),
+        (("--compensation", "7"), ("no version 7", "1 … 1")),
+        (("--stage", "partial", "--strategy", "paper"), ("paper", "pvt | cam | timebase")),
+        (("--stage", "air", "--part", "x.csv"), ("--part x.csv",)),
+        (("--learn", "2", "--compensation", "1"), ("--learn", "--compensation")),
+    ],
+)
+def test_what_is_not_meant_for_this_cut_is_refused_before_it(
+    console: Console, ring: str, learned: str, words: tuple[str, ...], told: tuple[str, ...]
+) -> None:
+    said = console("run", ring, "--sim", *(() if "--strategy" in words else ("--strategy", "cam")), *words)
+    assert (said.code, said.out) == (1, "")
+    for word in told:
+        assert word in said.err
+
+
+def test_a_job_that_was_changed_has_learned_nothing(console: Console, ring: str, learned: str) -> None:
+    with Path(ring).open("a") as file:
+        file.write("\n# another remark\n")
+    said = console("run", ring, *PLAIN, "--compensation", "newest")
+    assert said.code == 1 and "was learned for revision" in said.err
+    (version,) = console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]
+    assert version["holds"] is False
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (("# start_mark: spindle index", "# start_mark: unknown"), "the phase of the trace is unknown"),
+        (("# stage: full", ""), "--stage"),
+        (("# strategy: cam", "# strategy: none"), "console calibrate lobe"),
+        (("# compensation: none", "# compensation: 4"), "no version 4"),
+    ],
+)
+def test_a_part_of_which_too_little_is_known_teaches_nothing(
+    console: Console, ring: str, learned: str, change: tuple[str, str], told: str
+) -> None:
+    path = Path(learned)
+    path.write_text(path.read_text().replace(*change))
+    said = console("learn", learned, "--job", ring, "--keep")
+    assert said.code == 1 and told in said.err
+    assert len(console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]) == 1
+
+
+def test_on_a_machine_the_last_line_says_how_to_learn(ring: str, tmp_path: Path) -> None:
+    """What was learned on the simulated lathe is not used there, and nobody measures there."""
+    text, machine = load("en"), str(signed_copy("lee-2001-lathe", tmp_path))
+    words = ["run", ring, "--machine", machine, "--link", "tcp:127.0.0.1:1", "--data", str(tmp_path)]
+    options = build(text).parse_args(words)
+    order = ordered(options)
+    assert cut_with_line(order, text) == "pvt, whole compensation: from the job alone, nothing learned"
+    assert learn_hint(options, order, text) == [
+        f"To learn from it: console learn FILE.csv --job {printable(ring)} --machine {machine}"
+    ]

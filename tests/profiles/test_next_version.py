@@ -1,0 +1,197 @@
+"""A row of parts on an axis that is not what it is taken for: what each teaches the next, and when it must not."""
+
+from __future__ import annotations
+
+import cmath
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from profiles.calibration.lobe import find_lobe
+from profiles.compensation import CutPath, invert, wanted_path
+from profiles.graduated import expected, share_of
+from profiles.job import Job
+from profiles.learned import HoldsFor, as_table, differences, from_table
+from profiles.next_version import CutWith, Lesson, Verdict, next_version
+from profiles.part_waves import PartWaves, part_waves
+from profiles.problem import ProfileError
+from profiles.store import load_job
+from profiles.traces import Trace
+
+JOB = load_job("lee-2001-experiment-1").job
+LOBE = 27.5 * cmath.exp(-1j * math.radians(3 * JOB.lobe_phase_deg))
+HOLDS = HoldsFor(
+    job="ring", job_sha256="a" * 64, machine="lathe", machine_sha256="b" * 64, simulated=False, strategy="cam"
+)
+INDEX = {"state": "free", "direction": "spindle", "start_mark": "spindle index"}
+
+
+def nominal(n: int) -> complex:
+    return cmath.rect(0.9 / n**0.3, -0.3 * n)
+
+
+MODEL = CutPath(wanted=wanted_path(JOB), command=invert(wanted_path(JOB), nominal))
+
+
+def part(waves: Mapping[int, complex], noise_um: float = 0.0, seed: int = 1, **meta: str) -> PartWaves:
+    """A part with these waves in spindle angle, measured from the index."""
+    angle = np.arange(360.0)
+    deviation = np.random.default_rng(seed).normal(0.0, noise_um, 360) if noise_um else np.zeros(360)
+    for n, c in waves.items():
+        deviation = deviation + np.real(c * np.exp(1j * n * np.radians(angle)))
+    trace = Trace(angle_deg=angle, deviation_um=deviation, meta={**INDEX, **meta})
+    return part_waves(trace, JOB, filter_upr=50.0)
+
+
+def left(
+    path: CutPath, share: float, true: complex, more: Mapping[int, complex] | None = None
+) -> dict[int, complex]:
+    """What an axis that makes `true` times its nominal response leaves on the part."""
+    made = {w.lobes: true * nominal(w.lobes) * w.coefficient for w in share_of(path, share).command.waves}
+    wants = {3: LOBE, **(more or {})}
+    return {n: wants.get(n, 0j) - made.get(n, 0j) for n in {*made, *wants}}
+
+
+def taught(cut: CutWith, measured: PartWaves, *, gain: float | None = None, scatter_um: float = 0.0) -> Lesson:
+    number = 1 if cut.version is None else cut.version.version + 1
+    return next_version(
+        cut,
+        measured,
+        HOLDS,
+        JOB,
+        number=number,
+        gain=gain,
+        orders=(3, 6, 9),
+        response=nominal,
+        scatter_um=scatter_um,
+        date="2001-11-30T14:05:00Z",
+    )
+
+
+def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
+    """|1 - T'/T| with the first part, |1 - 0.7 T'/T| with each later one; the overtone goes with the lobe."""
+    true = cmath.rect(0.85, math.radians(-12.0))
+    cut, shrinks = CutWith(path=MODEL, share=1.0, version=None), []
+    before = 27.5
+    for gain in (1.0, 0.7, 0.7):
+        waves = left(cut.path, 1.0, true, {6: 2.0 + 1j})
+        lesson = taught(cut, part(waves, noise_um=1e-6))
+        assert lesson.next.gain == gain
+        assert lesson.contraction is not None
+        assert lesson.contraction.arrives == pytest.approx(true, abs=1e-5)
+        assert lesson.contraction.value == pytest.approx(abs(1 - gain * true), abs=1e-5)
+        assert lesson.contraction.verdict is Verdict.CONVERGES
+        shrinks.append(abs(waves[3]) / before)
+        before = abs(waves[3])
+        cut = CutWith(path=lesson.next.path, share=1.0, version=lesson.next)
+    assert shrinks == pytest.approx([abs(1 - true), abs(1 - true), abs(1 - 0.7 * true)], rel=1e-6)
+    assert cut.path.wanted.overtones[0].lobes == 6
+    assert [cut.version.version, cut.version.parent] == [3, 2] if cut.version else False
+
+
+def test_half_of_the_compensation_tells_sign_and_angle() -> None:
+    told = expected(55.0, 0.5)
+    assert (told.right_um_pp, told.wrong_um_pp) == (27.5, 82.5)
+    half = CutWith(path=MODEL, share=0.5, version=None)
+    right, wrong, late = (
+        taught(half, part(left(MODEL, 0.5, true), noise_um=0.1))
+        for true in (1.0, -1.0, cmath.exp(-1j * math.radians(3 * 10.0)))
+    )
+    assert [2 * lesson.next.part.lobe.amplitude_um for lesson in (right, wrong) if lesson.next.part] == (
+        pytest.approx([27.5, 82.5], abs=0.1)
+    )
+    assert [problem.code for problem in right.reasons] == ["learned.nothing"], "it is as it was to be: go on"
+    (problem,) = wrong.reasons
+    assert (problem.code, problem.key) == ("learned.diverges", "--revert 0")
+    assert late.contraction is not None
+    assert -math.degrees(cmath.phase(late.contraction.arrives)) / 3 == pytest.approx(10.0, abs=0.1)
+    # An axis that is late by 30 deg of the lobe: half a part teaches |1 - exp(-j 30 deg) / 2| of a whole one.
+    axis = cmath.exp(-1j * math.radians(30.0))
+    first, learned = (left(path, 1.0, axis)[3] for path in (MODEL, late.next.path))
+    assert abs(learned) / abs(first) == pytest.approx(abs(1 - axis / 2), abs=0.01)
+
+
+def test_only_what_stands_out_of_the_noise_is_learned() -> None:
+    cut = CutWith(path=MODEL, share=1.0, version=None)
+    sd_um = 1.0 * math.sqrt(2 / 360)
+    lesson = taught(cut, part({3: 1.5j, 6: 0.5 * sd_um, 9: 12.0 * sd_um}, noise_um=1.0))
+    assert lesson.learned == (3, 9)
+    nothing = taught(cut, part({}, noise_um=1.0))
+    assert (nothing.learned, [problem.code for problem in nothing.reasons]) == ((), ["learned.nothing"])
+    assert nothing.next.path.wanted.waves[0].coefficient == pytest.approx(LOBE)
+
+
+def test_later_parts_learn_half_of_the_noise_of_one() -> None:
+    """gamma / (2 - gamma) of its variance: 0.54 at 0.7."""
+    rng = np.random.default_rng(3)
+    first = taught(CutWith(path=MODEL, share=1.0, version=None), part({3: 1.0 + 0j}, noise_um=1e-9)).next
+    cut, off = CutWith(path=MODEL, share=1.0, version=first), []
+    for _ in range(150):
+        clamped = complex(rng.normal(), rng.normal())
+        lesson = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9))
+        cut = CutWith(path=lesson.next.path, share=1.0, version=first)
+        off.append(abs(cut.path.wanted.waves[0].coefficient - LOBE) ** 2)
+    assert np.mean(off) / 2 == pytest.approx(0.7 / 1.3, rel=0.3)
+
+
+def test_what_clamping_scatters_is_no_divergence() -> None:
+    first = taught(CutWith(path=MODEL, share=1.0, version=None), part({3: 1.0 + 0j}, noise_um=0.01)).next
+    cut = CutWith(path=first.path, share=1.0, version=first)
+    worse = part({3: 1.6 + 0j}, noise_um=0.01)
+    known, unsure = taught(cut, worse), taught(cut, worse, scatter_um=1.4)
+    assert [problem.code for problem in known.reasons] == ["learned.diverges"]
+    assert unsure.reasons == ()
+    assert unsure.contraction is not None
+    assert unsure.contraction.verdict is Verdict.UNCLEAR
+
+
+@settings(max_examples=20, deadline=None)
+@given(offset=st.integers(0, 359), against=st.booleans(), crest_deg=st.floats(0.0, 119.9))
+def test_a_part_is_the_same_however_it_was_measured(offset: int, against: bool, crest_deg: float) -> None:
+    """Measured from jaw 1, either way round, it has the waves that it has from the index."""
+    job: Job = replace(JOB, lobe_phase_deg=37.0, assumed=())
+    spindle = {3: cmath.rect(5.0, -math.radians(3 * crest_deg)), 6: 1.5 + 2j}
+    angle = np.arange(360.0)
+    at_spindle = (-1 if against else 1) * (angle - offset) + 37.0
+    deviation = sum(np.real(c * np.exp(1j * n * np.radians(at_spindle))) for n, c in spindle.items())
+    meta = {"state": "free", "direction": "ccw" if against else "cw", "jaw_1_deg": str(offset)}
+    trace = Trace(angle_deg=angle, deviation_um=np.asarray(deviation), meta=meta)
+    found = part_waves(trace, job, filter_upr=50.0)
+    assert found.reasons == ()
+    assert {n: found.coefficients_um[n] for n in spindle} == pytest.approx(spindle, abs=1e-9)
+    crest = find_lobe(trace, job).crest_deg
+    assert crest is not None
+    assert cmath.exp(3j * math.radians(crest - crest_deg)) == pytest.approx(1.0, abs=1e-9)
+    assert found.ront_um(spindle) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_part_without_a_place_on_the_spindle_teaches_nothing() -> None:
+    assert JOB.lobe_phase_deg == 90.0 and "lobe_phase_deg" in JOB.assumed
+    cut = CutWith(path=MODEL, share=1.0, version=None)
+    for meta, code in (
+        ({"start_mark": "unknown"}, "lobe.phase_unknown"),
+        ({"start_mark": "jaw 1"}, "learned.jaw_assumed"),
+        ({"state": "clamped"}, "lobe.not_free"),
+    ):
+        lesson = taught(cut, part({3: 3.0 + 0j}, 0.01, 1, **meta))
+        assert code in [problem.code for problem in lesson.reasons]
+    with pytest.raises(ProfileError, match=r"learned\.gain"):
+        taught(cut, part({3: 3.0 + 0j}), gain=1.5)
+
+
+def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> None:
+    made = taught(CutWith(path=MODEL, share=0.5, version=None), part({3: 20 + 0j, 6: 1j}, noise_um=0.01)).next
+    table = json.loads(json.dumps(as_table(made)))
+    assert from_table(table) == made
+    changed = replace(HOLDS, job_sha256="c" * 64, strategy="pvt")
+    assert [p.code for p in differences(made, changed)] == ["learned.job_changed", "learned.strategy"]
+    assert differences(made, HOLDS) == ()
+    table["path"]["command"]["amplitude_um"] = math.nan
+    with pytest.raises(ProfileError, match=r"learned\.file"):
+        from_table(table)
