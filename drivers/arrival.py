@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 from drivers.snapshot import AxisName, Snapshot
 
@@ -18,21 +18,23 @@ REST_S = 2.0
 
 
 class Settling:
-    """Axes that come to rest, seen from look to look: in position, or for some time within their bands.
+    """Axes that come to rest, seen from look to look: in position, or the tool for some time within a band.
 
-    What dry friction holds off is brought in position by the integrator alone, which may take a minute.
+    Its servo is soft: what dry friction holds off is brought in position by the integrator alone, which may take a
+    minute. Any other axis that does not arrive has a fault.
     """
 
-    def __init__(self, bands_counts: Mapping[AxisName, float], patience_s: float = SETTLE_S) -> None:
-        """`bands_counts` are the axes with what each may lag by where it rests, for `patience_s` at least."""
-        self._bands_counts, self._patience_s = bands_counts, patience_s
+    def __init__(self, axes: Iterable[AxisName], tool_band_counts: float, patience_s: float = SETTLE_S) -> None:
+        """The tool may lag by `tool_band_counts` where it rests, once it did so for `patience_s`."""
+        self._axes, self._tool_band_counts, self._patience_s = tuple(axes), tool_band_counts, patience_s
         self._near_since_s: float | None = None
 
     def is_over(self, snapshot: Snapshot) -> bool:
         """Whether they rest."""
-        if all("in_position" in snapshot.axis(axis).flags for axis in self._bands_counts):
+        away = [axis for axis in self._axes if "in_position" not in snapshot.axis(axis).flags]
+        if not away:
             return True
-        if not all(nearly_arrived(snapshot, axis, band) for axis, band in self._bands_counts.items()):
+        if away != [AxisName.TOOL] or not nearly_arrived(snapshot, AxisName.TOOL, self._tool_band_counts):
             self._near_since_s = None
             return False
         if self._near_since_s is None:
@@ -48,10 +50,10 @@ class HomeSearch:
 
     RESTS = 3
 
-    def __init__(self, axis: AxisName, band_counts: float) -> None:
-        """`band_counts` is by how much it may lag at its zero, see `Settling`."""
+    def __init__(self, axis: AxisName, tool_band_counts: float) -> None:
+        """`tool_band_counts` is by how much the tool may lag at its zero, see `Settling`."""
         self._axis, self._rests = axis, 0
-        self._settling = Settling({axis: band_counts}, REST_S)
+        self._settling = Settling((axis,), tool_band_counts, REST_S)
 
     def is_over(self, snapshot: Snapshot) -> bool:
         """Whether the zero was found, or the search has ended without one."""

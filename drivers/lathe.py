@@ -197,7 +197,7 @@ class Lathe:
                 continue
             self._jog(f"#{self._motors[axis]}HM")
             state = self._motion.until(
-                HomeSearch(axis, self._band_counts(axis)).is_over, timeout_s, f"home {axis}"
+                HomeSearch(axis, self._band_counts(AxisName.TOOL)).is_over, timeout_s, f"home {axis}"
             ).axis(axis)
             if "home_complete" not in state.flags:
                 self.stop.stop(f"home {axis}")
@@ -223,10 +223,9 @@ class Lathe:
             DriverError: `machine.timeout`, `machine.fault` or `machine.not_arrived`.
         """
         self._jog(f"#{self._motors[axis]}J={format_number(counts)}")
-        band_counts = self._band_counts(axis)
-        done = Settling({axis: band_counts}).is_over
+        done = Settling((axis,), self._band_counts(AxisName.TOOL)).is_over
         if not settle:
-            done = partial(nearly_arrived, axis=axis, band_counts=band_counts)
+            done = partial(nearly_arrived, axis=axis, band_counts=self._band_counts(axis))
         state = self._motion.until(done, timeout_s, f"jog {axis}").axis(axis)
         there = state.position + state.following_error
         if abs(there - counts - held_counts) > ARRIVED_COUNTS:
@@ -402,14 +401,14 @@ class Lathe:
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float) -> Snapshot:
         """Look at the machine until the program has ended and the axes have arrived.
 
-        After `REST_S` it is enough that an axis is commanded to rest and lags by less than its warning limit.
+        After `REST_S` it is enough that the tool is commanded to rest and lags by less than its warning limit.
 
         Raises:
             DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`; the machine is stopped before it is
                 raised. `heartbeat.plc_silent`: it was ended as the policy says.
             StoppedError: somebody stopped the machine.
         """
-        settling = Settling({axis: self._band_counts(axis) for axis in self._driven}, REST_S)
+        settling = Settling(self._driven, self._band_counts(AxisName.TOOL), REST_S)
         return self._motion.until(
             lambda seen: not seen.program_running and settling.is_over(seen), timeout_s, "program", watch
         )

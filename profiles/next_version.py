@@ -66,6 +66,16 @@ class CutWith:
     share: float
     version: LearnedCompensation | None
 
+    @property
+    def number(self) -> int:
+        """The number of the version."""
+        return MODEL if self.version is None else self.version.version
+
+    @property
+    def spared_um(self) -> dict[int, complex]:
+        """The waves of the path that the tool was not told to make, which are to be left on the part."""
+        return {wave.lobes: (1.0 - self.share) * wave.coefficient for wave in self.path.wanted.waves}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lesson:
@@ -107,22 +117,20 @@ def next_version(
         ProfileError: `learned.gain`.
     """
     used_gain = _gain(gain, cut.version)
-    whole = {wave.lobes: wave.coefficient for wave in cut.path.wanted.waves}
-    off = {n: part.coefficients_um[n] - (1.0 - cut.share) * whole.get(n, 0j) for n in orders}
+    spared = cut.spared_um
+    off = {n: part.coefficients_um[n] - spared.get(n, 0j) for n in orders}
     learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
-    nothing = Deviation(coefficients_um={})
-    path = learned_part(cut.path, Deviation(coefficients_um=learned), nothing, response, used_gain)
+    wrong, tool = Deviation(coefficients_um=learned), Deviation(coefficients_um={})
+    path = learned_part(cut.path, wrong, tool, response, used_gain)
     read = _read(cut, part, job.jaws)
     contraction = _contraction(cut, read, job, used_gain, scatter_um)
-    # The next part is lower by what the tool goes deeper: the rest of the path, and what was learned.
-    waves = {*whole, *learned}
-    deeper = {n: (1.0 - cut.share) * whole.get(n, 0j) + used_gain * learned.get(n, 0j) for n in waves}
-    left = part.coefficients_um[job.jaws] - deeper[job.jaws]
+    # The next part is lower by what the tool goes deeper.
+    deeper = {n: spared.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*spared, *learned}}
     return Lesson(
         next=LearnedCompensation(
             holds_for=holds_for,
             version=number,
-            parent=MODEL if cut.version is None else cut.version.version,
+            parent=cut.number,
             gain=used_gain,
             path=path,
             part=read,
@@ -130,7 +138,7 @@ def next_version(
         ),
         learned=tuple(sorted(learned)),
         contraction=contraction,
-        expected_lobe_um_pp=2.0 * abs(left),
+        expected_lobe_um_pp=2.0 * abs(part.coefficients_um[job.jaws] - deeper[job.jaws]),
         expected_half_width_um_pp=2.0 * SIGNIFICANT * math.hypot(read.lobe_sd_um, scatter_um, scatter_um),
         expected_ront_um=part.ront_um(deeper),
         reasons=(*part.reasons, *_reasons(contraction, learned, cut.version)),
@@ -148,7 +156,7 @@ def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
 def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
     wanted = share_of(cut.path, cut.share).wanted.waves[0]
     return PartRead(
-        version=MODEL if cut.version is None else cut.version.version,
+        version=cut.number,
         share=cut.share,
         wanted=wanted,
         lobe=Wave.of(lobes, part.coefficients_um[lobes]),

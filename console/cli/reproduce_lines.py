@@ -34,7 +34,7 @@ def reasons(records: Sequence[Record], text: Catalogue) -> list[str]:
     """Return why ours is another number, each reason once, with the row that asks for it first."""
     first = {record.why: record for record in reversed(records) if record.why}
     asked = dict.fromkeys(record.why for record in records if record.why)
-    return [f"{name(first[why], text)} – {text(f'reproduce.why.{why}')}" for why in asked]
+    return [f"{name(first[why], text).strip()} – {text(f'reproduce.why.{why}')}" for why in asked]
 
 
 def lines(section: Section, text: Catalogue) -> list[str]:
@@ -85,7 +85,7 @@ def _row(record: Record, text: Catalogue) -> Row:
 
 
 def _off(difference: float, tolerance: float) -> str:
-    shown = "0" if abs(difference) <= 1e-3 * max(tolerance, _EXACT) else f"{difference:+.3g}"
+    shown = "0" if abs(difference) <= 0.01 * max(tolerance, _EXACT) else f"{difference:+.3g}"
     return f"{shown} (± {tolerance:.2g})" if tolerance > _EXACT else shown
 
 

@@ -62,44 +62,38 @@ def _cut(
     """
     from console.cli import learn_report, run_report
     from console.cli.library import data_of
-    from console.cli.run_part import cut_with_line, learn_hint, save_part
+    from console.cli.run_part import learn_hint, save_part, tell_cut_with
     from console.cli.run_places import cut, cut_learning
     from console.cli.run_record import begin_record, recorded
     from console.cli.warn import tell as tell_problems
     from drivers.link.tracing import Tracing
 
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {order.job.job.name}")
-    data = data_of(options)
+    data, parts, plan = data_of(options), order.parts, order.plan
     record = begin_record(data, order)
-    if not options.json:
-        print(cut_with_line(order, text))
-    tell = _teller(options, text, interruption, record.add, simulated=order.simulated)
-    parts = order.parts
+    tell_cut_with(options, order, text)
+    tell = _teller(options, text, interruption, record.add, order)
     try:
         if parts is None:
             result = recorded(
-                record,
-                warnings,
-                order.plan,
-                lambda: cut(order, data, interruption, tracing, tell),
-                run_report.fields,
+                record, warnings, plan, lambda: cut(order, data, interruption, tracing, tell), run_report.fields
             )
         else:
             learned = recorded(
                 record,
                 warnings,
-                order.plan,
+                plan,
                 lambda: cut_learning(order, parts, interruption, tracing, tell),
                 learn_report.fields,
             )
     finally:
         warnings += tell_problems(tracing.problems, text)
-    if parts is None:
-        save_part(order, result)
-        told = [*run_report.lines(result, text), *learn_hint(options, order, text)]
-        _print(options, run_report.fields(result, warnings), told)
-    else:
+    if parts is not None:
         _print(options, learn_report.fields(learned, warnings), learn_report.lines(learned, text))
+        return
+    lines = [*run_report.lines(result, text), *learn_hint(options, order, text)]
+    _print(options, run_report.fields(result, warnings), lines)
+    save_part(order, result)
 
 
 def _print(options: Namespace, fields: dict[str, object], lines: list[str]) -> None:
@@ -116,11 +110,10 @@ def _teller(
     text: Catalogue,
     interruption: Interruption,
     keep: Callable[[str, dict[str, object]], None],
-    *,
-    simulated: bool,
+    order: RunOrder,
 ) -> Callable[[str, Step, str], None]:
     """Return what is told at each step: a line for people, an event for the record."""
-    sim = f"{text('sim')}  " if simulated else ""
+    sim = f"{text('sim')}  " if order.simulated else ""
 
     def tell(part: str, step: Step, detail: str) -> None:
         keep("step", {"part": part, "step": step.value, "detail": detail})

@@ -15,12 +15,14 @@ from console.text.catalogue import Catalogue
 from profiles.traces import write_trace
 
 
-def cut_with_line(order: RunOrder, text: Catalogue) -> str:
-    """Return the line in front of the steps: the stage, and which compensation it is cut with."""
+def tell_cut_with(options: Namespace, order: RunOrder, text: Catalogue) -> None:
+    """Print, for people, the line in front of the steps: the stage, and which compensation it is cut with."""
+    if options.json:
+        return
     plan = order.plan
     which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
     said = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
-    return f"{text('sim')}  {said}" if order.simulated else said
+    print(f"{text('sim')}  {said}" if order.simulated else said)
 
 
 def save_part(order: RunOrder, result: RunResult) -> None:

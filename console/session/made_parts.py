@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -44,7 +44,7 @@ KEYS = ("compensation", "strategy", "stage")
 INVERTED, MODEL = "inverted", "model"
 
 
-def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: list[MadeWith | None]) -> MadeWith:
+def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
     """Return how a part was cut, of which `said` and the header lines of its `trace` state something.
 
     What neither states is that of the last part in `made`, newest first; None is one that was cut on the screen.
@@ -62,7 +62,7 @@ def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: list[Made
     missing = [key for key in KEYS if key not in stated]
     if not missing and (INVERTED in stated or not fitting):
         whole = MadeWith(**{INVERTED: MODEL, **stated})
-        if known and not fitting:
+        if known and not fitting and None not in made:
             raise _other("", str(whole), " | ".join(dict.fromkeys(map(str, known))))
         return whole
     if (made and made[0] is None and "compensation" in missing) or not fitting:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ import pytest
 
 from console.cli.parser import build
 from console.cli.run_order import ordered
-from console.cli.run_part import cut_with_line, learn_hint
+from console.cli.run_part import learn_hint, tell_cut_with
+from console.session.errors import SessionError
+from console.session.made_parts import MadeWith, made_with
 from console.text.catalogue import load
-from profiles.files import printable
 from tests.signed_profile import signed_copy
 from tests.system.lathe_sites import compact_text
 
@@ -153,13 +155,47 @@ def test_a_part_of_which_too_little_is_known_teaches_nothing(
     assert len(console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]) == 1
 
 
-def test_on_a_machine_the_last_line_says_how_to_learn(ring: str, tmp_path: Path) -> None:
-    """What was learned on the simulated lathe is not used there, and nobody measures there."""
+def test_the_last_part_is_meant_unless_somebody_says_another() -> None:
+    model = MadeWith(compensation="none", strategy="cam", stage="full", inverted="model")
+    half, second = replace(model, stage="partial"), replace(model, compensation="2")
+    assert made_with({}, {}, [second, half, model]) == second
+    assert made_with({"compensation": "none"}, {}, [second, half, model]) == half
+    assert made_with({}, {"compensation": "none", "stage": "full"}, [second, half, model]) == model
+    unknown: list[tuple[dict[str, str], list[MadeWith | None]]] = [
+        ({}, [None, second]),
+        ({}, []),
+        ({"compensation": "3"}, [second]),
+    ]
+    for said, made in unknown:
+        with pytest.raises(SessionError, match=r"learned\.cut_unknown"):
+            made_with(said, {}, made)
+    with pytest.raises(SessionError, match=r"learned\.other_version"):
+        made_with({"compensation": "3", "strategy": "cam", "stage": "full"}, {}, [second])
+    # Of a part from the screen somebody has to say all of it, and is believed.
+    told = {"compensation": "none", "strategy": "cam", "stage": "full"}
+    assert made_with(told, {}, [None, second]) == model
+
+
+def test_on_a_machine_the_last_line_says_how_to_learn(
+    ring: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     text, machine = load("en"), str(signed_copy("lee-2001-lathe", tmp_path))
     words = ["run", ring, "--machine", machine, "--link", "tcp:127.0.0.1:1", "--data", str(tmp_path)]
     options = build(text).parse_args(words)
     order = ordered(options)
-    assert cut_with_line(order, text) == "pvt, whole compensation: from the job alone, nothing learned"
+    tell_cut_with(options, order, text)
+    assert capsys.readouterr().out == "pvt, whole compensation: from the job alone, nothing learned\n"
     assert learn_hint(options, order, text) == [
-        f"To learn from it: console learn FILE.csv --job {printable(ring)} --machine {machine}"
+        f"To learn from it: console learn FILE.csv --job {ring} --machine {machine}"
     ]
+
+
+def test_what_was_learned_on_a_simulated_lathe_is_not_for_iron(
+    console: Console, ring: str, learned: str, tmp_path: Path
+) -> None:
+    machine = str(signed_copy("lee-2001-lathe", tmp_path / "signed"))
+    there = ("--machine", machine, "--link", "tcp:127.0.0.1:1", "--strategy", "cam", "--yes")
+    said = console("run", ring, *there, "--compensation", "newest")
+    assert said.code == 1 and "nothing was learned" in said.err
+    said = console("run", ring, *there, "--part", "x.csv")
+    assert said.code == 1 and "nobody measures the part here" in said.err

@@ -21,8 +21,8 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
 
-CUT_MM = 2.0
-"""Forty turns of the paper's jobs: the part is measured in their middle, and is the same in a longer cut."""
+CUT_MM = 1.5
+"""Thirty turns of the paper's jobs: the part is measured in their middle, and is the same in a longer cut."""
 
 
 class Bench:

@@ -1,0 +1,65 @@
+"""The blocks of docs/paper.md that are computed: between `<!-- NAME -->` and `<!-- end -->`.
+
+`GOLDENS=write pytest -n 0 tests/acceptance` writes them anew (see `tests.golden_text`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from console.cli.reproduce_lines import Row, reasons, rows
+from console.text.catalogue import load
+from profiles.paper.record import Record
+from tests.golden_text import writing
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "paper.md"
+BLOCK = re.compile(r"^<!-- (?P<name>[\w. ]+) -->\n(?P<body>.*?)<!-- end -->$", re.DOTALL | re.MULTILINE)
+NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
+TEXT = load("en")
+
+
+def blocks() -> dict[str, str]:
+    """The computed blocks by name, as they stand in the document."""
+    text = DOCUMENT.read_text(encoding="utf-8")
+    return {match["name"]: match["body"] for match in BLOCK.finditer(text)}
+
+
+def table_lines(head: Row, records: Sequence[Record]) -> list[str]:
+    """A table for people who read the document, with the reasons below it."""
+    lines = [f"| {' | '.join(row)} |" for row in (head, *rows(records, TEXT))]
+    told = [f"- {reason}" for reason in reasons(records, TEXT)]
+    return [lines[0], "|---|---:|---:|---:|---|", *lines[1:], *(["", *told] if told else [])]
+
+
+def compare_block(name: str, lines: Sequence[str], *, slack: float = 0.0) -> None:
+    """Fail where a block says another thing than what was computed, after writing it where that is asked for.
+
+    Numbers may be off by `slack`, a share of the largest number in their line: what a lathe gives hangs on the
+    moment in which it is looked at.
+    """
+    now = "\n" + "\n".join(line.rstrip() for line in lines) + "\n\n"
+    assert "reproduce." not in now, "a sentence is missing"
+    kept = blocks().get(name)
+    assert kept is not None, f"docs/paper.md has no block {name}"
+    if now == kept or (slack and _alike(now, kept, slack)):
+        return
+    if writing():
+        text = DOCUMENT.read_text(encoding="utf-8")
+        written = BLOCK.sub(lambda m: f"<!-- {name} -->\n{now}<!-- end -->" if m["name"] == name else m[0], text)
+        DOCUMENT.write_text(written, encoding="utf-8")
+        pytest.fail(f"block {name} was written: look at it, then run without GOLDENS", pytrace=False)
+    assert now == kept
+
+
+def _alike(now: str, kept: str, slack: float) -> bool:
+    if NUMBER.sub("#", now) != NUMBER.sub("#", kept):
+        return False
+    for one, other in zip(now.splitlines(), kept.splitlines(), strict=True):
+        pairs = [(float(a), float(b)) for a, b in zip(NUMBER.findall(one), NUMBER.findall(other), strict=True)]
+        if any(abs(a - b) > slack * max(map(abs, (c for pair in pairs for c in pair))) for a, b in pairs):
+            return False
+    return True

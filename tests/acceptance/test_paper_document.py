@@ -1,0 +1,62 @@
+"""docs/paper.md says what is computed: its tables, its figures, and the script in it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from functools import cache
+
+import pytest
+
+from console.cli.reproduce_lines import ACCEPTANCE, head, title
+from console.tui.plot.paper_figures import figure_lines
+from profiles.paper.experiments import lee_2001
+from profiles.paper.record import Section
+from profiles.paper.reproduction import sections
+from tests.acceptance.document import DOCUMENT, TEXT, blocks, compare_block, table_lines
+
+SECTIONS = ("chuck", "servo", "parts", "slips")
+FIGURES = ("fig3", "fig4", "fig5a", "fig5b", "fig6", "fig11.gain", "fig11.phase", "fig12", "prog1", "fig16")
+COLUMNS = 90
+FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+@cache
+def computed() -> dict[str, Section]:
+    return {section.name: section for section in sections(lee_2001())}
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_the_tables_are_what_comes_out(name: str) -> None:
+    section = computed()[name]
+    compare_block(f"table {name}", table_lines(head(section, TEXT), section.records))
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_the_figures_are_what_comes_out(name: str) -> None:
+    """All figures of a name stand in one block."""
+    lines = []
+    for figure in (each for section in computed().values() for each in section.figures if each.name == name):
+        lines += [f"{title(figure, TEXT)}:", "", "```", *figure_lines(figure, TEXT, COLUMNS), "```", ""]
+    compare_block(f"figure {name}", lines[:-1])
+
+
+def test_no_block_is_left_that_nobody_computes() -> None:
+    known = {f"table {name}" for name in SECTIONS} | {f"number {number}" for number in range(1, 13)}
+    known |= {f"figure {name}" for name in FIGURES}
+    assert set(blocks()) == known
+    assert {figure.name for section in computed().values() for figure in section.figures} == set(FIGURES)
+    assert set(computed()) == {*SECTIONS, ACCEPTANCE}
+
+
+def test_the_script_prints_what_stands_below_it() -> None:
+    fenced = FENCED.findall(DOCUMENT.read_text(encoding="utf-8"))
+    (place,) = (i for i, (language, _) in enumerate(fenced) if language == "python")
+    script, printed = fenced[place][1], fenced[place + 1][1]
+    imported = re.findall(r"^(?:from|import) (\w+)", script, re.MULTILINE)
+    assert set(imported) <= {"profiles", "cmath", "numpy"}
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        exec(compile(script, "docs/paper.md", "exec"), {})
+    assert said.getvalue() == printed

@@ -1,0 +1,53 @@
+"""`console reproduce`: the paper beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import console.cli.reproduce
+from profiles.paper.experiments import lee_2001
+from profiles.paper.record import Record, Section
+from profiles.paper.reproduction import sections
+
+Console = Callable[..., Any]
+
+
+@pytest.fixture
+def console_without_numerics(console: Console, monkeypatch: pytest.MonkeyPatch) -> Console:
+    """The sections computed once; they are tested elsewhere."""
+    monkeypatch.setattr(console_cli, "sections", lambda _: COMPUTED)
+    return console
+
+
+console_cli = console.cli.reproduce
+COMPUTED = sections(lee_2001())
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_every_row_has_its_sentence_and_its_reason(console_without_numerics: Console, language: str) -> None:
+    """A key without a sentence shows itself."""
+    said = console_without_numerics("reproduce", "--quick", "--plot", "--lang", language)
+    assert said.code == 0
+    assert "reproduce." not in said.out
+    assert "55.25 Hz" in said.out and "80 Hz" in said.out and "✗" in said.out
+    assert "⠉" in said.out, "the figures"
+    assert "1, 5, 6, 7, 8, 9" in said.out.splitlines()[-1], "what was left out is told"
+
+
+def test_json_is_not_rounded_and_has_the_curves(console_without_numerics: Console) -> None:
+    found = console_without_numerics("reproduce", "--quick", "--json").json
+    by_name = {record["name"]: record for section in found["sections"] for record in section["records"]}
+    assert by_name["eq9.overshoot"]["ours"] == pytest.approx(2.309, abs=1e-3)
+    assert len(str(by_name["eq9.overshoot"]["ours"])) > 10
+    assert by_name["slip.concluded"]["holds"] is False and "27 um" in by_name["slip.concluded"]["why"]
+    assert {figure["name"] for section in found["sections"] for figure in section["figures"]} >= {"fig3", "fig12"}
+    assert found["acceptance"] == {"2": True, "3": True, "4": True, "10": True, "11": True, "12": True}
+
+
+def test_a_missed_number_is_the_exit_code(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
+    missed = Record(name="accept.servo", at="gain", ours=0.5, expected=0.7455, tolerance=0.0037, number=2)
+    monkeypatch.setattr(console_cli, "sections", lambda _: (Section(name="acceptance", records=(missed,)),))
+    assert console("reproduce", "--quick").code == 1
