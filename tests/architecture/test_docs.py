@@ -28,6 +28,7 @@ DOCUMENTS = (
     "docs/links.md",
     "docs/ownership.md",
     "docs/paper-program.md",
+    "docs/paper.md",
     "docs/plant.md",
     "docs/pmac-emulation.md",
     "docs/screens.md",
