@@ -35,6 +35,7 @@ from drivers.pmac.settings import settings_with
 from profiles.compensation import CutPath, LobedPath, invert, wanted_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.path_bounds import path_problems
 from profiles.problem import Problem
 from profiles.response import AMPLIFICATION_LIMIT, ServoResponse
 
@@ -94,12 +95,14 @@ def plan_cut(
 
     Raises:
         ProblemError: the job cannot be turned into a program at all (`program.too_fast`, `program.too_long`,
-            `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_trim`), its servo
-            cannot be inverted (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the
+            `program.no_zero_row`, `program.not_turned`, `program.no_overtones`, `program.no_trim`), a
+            path that is none of this job (`path.waves`, `path.beyond`), its servo cannot be inverted (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the
             controller would refuse it (`program.refused`).
     """
     if trimmed:
         _refuse_untrimmed(machine, strategy)
+    if path is not None:
+        _refuse_beyond(path, job, machine, strategy)
     turned = float(from_turn * machine.spindle.counts_per_rev)
     planning = _Planning(
         job=job,
@@ -318,6 +321,20 @@ def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:
         return False
     return fits_whole_milliseconds(invert(wanted_path(job), response), frequency_hz)
+
+
+def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
+    """Refuse a path that corrects another cut than this one.
+
+    Raises:
+        DriverError: `path.*`, everything by which it is too far off.
+    """
+    turns_hz = job.spindle_speed_rpm / 60.0
+    problems = path_problems(
+        path, wanted_path(job), lambda lobes: nominal_response(strategy, machine, lobes * turns_hz)
+    )
+    if problems:
+        raise DriverError(*problems)
 
 
 def _refuse_untrimmed(machine: MachineProfile, strategy: Strategy) -> None:

@@ -392,11 +392,15 @@ class Lathe:
         """
         self.stop.check()
         self._sending.refuse_unless_owner()
-        self._client.request(trim_line(trim_um, self.machine.tool.count_um), LOOK_TIMEOUT_S)
+        line = trim_line(trim_um, self.machine.tool.count_um)
+        try:
+            self._client.request(line, LOOK_TIMEOUT_S)
+        except LinkTimeoutError:  # twice the same wave is the same wave
+            self._client.request(line, LOOK_TIMEOUT_S)
 
     def batches(self) -> BatchGather:
         """Return what gathers the tool and the spindle of a cut, see `drivers.cut_gather`; nothing moves by it."""
-        return BatchGather(self._client, self.machine, self._clock)
+        return BatchGather(self._client, self.machine, self._clock, lambda: self.round_trip_s)
 
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float) -> Snapshot:
         """Look at the machine until the program has ended and the axes have arrived.

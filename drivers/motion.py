@@ -18,6 +18,9 @@ from profiles.problem import Problem
 CUT_POLL_S = 0.023
 """Time between two looks during a cut: no whole part of any usual turn, so that every angle is met."""
 
+WAY_HOME_S = 10.0
+"""What a held program may do behind its retract, with the tool out: a table is left in its row of zeros."""
+
 JOG_POLL_S = 0.1
 """Time between two looks at an axis on its way."""
 
@@ -109,7 +112,7 @@ class Motion:
             raise DriverError(problem)
         if heartbeat.policy is Policy.RETRACT:
             self._hold()
-        return self._clock.now_s() + heartbeat.ends_within_s
+        return self._clock.now_s() + heartbeat.ends_within_s + WAY_HOME_S
 
     def _next_look(self, deadline: float, watch: Callable[[Snapshot], None] | None) -> Snapshot:
         """Let time pass with the lease kept, and look.

@@ -17,9 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
-
-# Below this the inverse would command more than twenty times the wanted amplitude.
-SMALLEST_RESPONSE = 0.05
+from profiles.response import AMPLIFICATION_LIMIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,23 +143,13 @@ def wanted_path(job: Job) -> LobedPath:
     return replace(free_state_lobe(job), mean_um=1000 * job.depth_of_cut_mm)
 
 
-def free_state_lobe_um(job: Job, angle_deg: ArrayLike) -> NDArray[np.float64]:
-    """Return (E/2) cos N(angle - jaw 1), in the shape of `angle_deg`."""
-    return free_state_lobe(job).at_um(angle_deg)
-
-
-def wanted_path_um(job: Job, angle_deg: ArrayLike) -> NDArray[np.float64]:
-    """Return depth + (E/2) cos N(angle - jaw 1), infeed positive, in the shape of `angle_deg`."""
-    return wanted_path(job).at_um(angle_deg)
-
-
 def invert(wanted: LobedPath, response: complex | Callable[[int], complex]) -> LobedPath:
     """Return the command that makes an axis of this response follow `wanted`.
 
     `response` is T(j w) from command to position: at the lobe frequency for a path without overtones, else a
     function of the waves in a turn. The amplitude is divided by |T|, the crest comes earlier by -arg T of the
     wave, an nth of that in spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError`
-    (`response.too_small`) where the axis hardly moves.
+    (`response.too_small`) where the command would be more than `AMPLIFICATION_LIMIT` times the motion.
     """
     lobe, *overtones = (_inverted(wave, response) for wave in wanted.waves)
     return replace(wanted, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
@@ -170,10 +158,9 @@ def invert(wanted: LobedPath, response: complex | Callable[[int], complex]) -> L
 def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
     here = response(wave.lobes) if callable(response) else response
     gain = abs(here)
-    if not math.isfinite(gain) or gain < SMALLEST_RESPONSE:
-        raise ProfileError(
-            Problem(code="response.too_small", value=f"{gain:.3g}", limit=f">= {SMALLEST_RESPONSE:g}")
-        )
+    if not math.isfinite(gain) or gain * AMPLIFICATION_LIMIT < 1.0:
+        limit = f">= {1.0 / AMPLIFICATION_LIMIT:g}"
+        raise ProfileError(Problem(code="response.too_small", value=f"{gain:.3g}", limit=limit))
     crest_deg = wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes
     return replace(wave, amplitude_um=wave.amplitude_um / gain, crest_deg=crest_deg)
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from profiles.chucking.diagnosis import Mechanism
+from profiles.chucking.diagnosis import Diagnosis, Mechanism, diagnose
 from profiles.chucking.held_part import HeldPart
 from profiles.job import Job
+from profiles.lobe_conditions import found_on_a_part
 
 FloatArray = NDArray[np.float64]
 
@@ -23,8 +24,9 @@ class CutError:
 
     `mechanism` makes most of it, `spring_back_um_pp` is that part alone. `amplitude_um` and `crest_deg` (spindle
     angle, None without a lobe) are those of N waves a turn. `sd_um_pp` is what the spread of the chucking force
-    makes of it. `measured_um_pp` is the job's own error where it was measured, and `matching_force_n` the total
-    force at rest at which a part that springs back would show it; None else.
+    makes of it. `measured_um_pp` is the job's own error where it was found on a part, and `diagnosis` what its
+    place speaks for, where it is known how far past the jaws it stands. `matching_force_n` is the total force at
+    rest at which a part that springs back would show it; None where the diagnosis speaks against that. None else.
     """
 
     z_mm: float
@@ -35,6 +37,7 @@ class CutError:
     crest_deg: float | None
     sd_um_pp: float
     measured_um_pp: float | None
+    diagnosis: Diagnosis | None
     matching_force_n: float | None
 
 
@@ -50,9 +53,11 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
     crest_deg = job.jaw_1_deg - float(np.degrees(np.angle(wave))) / jaws
     largest = max(parts, key=lambda which: float(np.ptp(parts[which])))
     at_speed_n = part.per_jaw_n * jaws
-    measured = job.lobe_error_um_pp if job.lobe_error_source == "measured" else None
+    measured = job.lobe_error_um_pp if found_on_a_part(job) else None
+    seen = _diagnosis(part) if measured else None
     matching = None
-    if measured is not None and largest is Mechanism.SPRING_BACK:
+    sprung_back = seen is None or seen.mechanism is Mechanism.SPRING_BACK
+    if measured is not None and largest is Mechanism.SPRING_BACK and sprung_back:
         # The spring-back grows with the force; what the wall takes from it does not.
         matching = loss_n + at_speed_n * (measured + sprung_um - um_pp) / sprung_um
     return CutError(
@@ -64,7 +69,17 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
         crest_deg=crest_deg if abs(wave) > _NO_LOBE_UM else None,
         sd_um_pp=sprung_um * part.holding.force_sd_share * job.chucking_force_n / at_speed_n,
         measured_um_pp=measured,
+        diagnosis=seen,
         matching_force_n=matching,
+    )
+
+
+def _diagnosis(part: HeldPart) -> Diagnosis | None:
+    past_deg = part.job.lobe_past_jaw_deg
+    return (
+        None
+        if past_deg is None
+        else diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=part.job.jaws, thin=part.thin)
     )
 
 

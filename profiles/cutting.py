@@ -77,11 +77,6 @@ class Copying:
 
     stiffness_ratio: float
 
-    @property
-    def removed_share(self) -> float:
-        """Share of the commanded depth that comes off in one pass: 1 / (1 + mu)."""
-        return 1 / (1 + self.stiffness_ratio)
-
     def share_left(self, passes: int = 1) -> float:
         """Return the share of an earlier error that is left after so many passes: (mu / (1 + mu))^n."""
         return (self.stiffness_ratio / (1 + self.stiffness_ratio)) ** passes

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from profiles.compensation import SMALLEST_RESPONSE
 from profiles.job import Job
 from profiles.machine import MachineProfile, ToolAxis
+from profiles.response import AMPLIFICATION_LIMIT
 from profiles.servo import drive_need, sampled_response
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +33,7 @@ class EnvelopeRow:
     """The highest speeds for one amplitude, by the name of the limit; a limit that nobody knows is not in it.
 
     "peak_thrust", "heat", "current", "encoder_acceleration", "encoder_velocity", "velocity" (Ix16), "voltage",
-    "following_error" (Ix11, the lag inverted) and "loop" (the response that can still be inverted).
+    "following_error" (Ix11, the lag inverted) and "loop" (a command of `AMPLIFICATION_LIMIT` times the motion).
     """
 
     amplitude_um: float
@@ -152,7 +152,7 @@ def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
     following = first_beyond(
         lambda f: amplitude_um * np.abs(1 / sampled_response(machine, f) - 1), trip_um, top_hz
     )
-    loop = first_beyond(lambda f: 1 / np.abs(sampled_response(machine, f)), 1 / SMALLEST_RESPONSE, top_hz)
+    loop = first_beyond(lambda f: 1 / np.abs(sampled_response(machine, f)), AMPLIFICATION_LIMIT, top_hz)
     return {"following_error": following or top_hz, "loop": loop or top_hz}
 
 

@@ -99,9 +99,16 @@ def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem,
             problems.append(
                 Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]),
             )
+    if (holds.job, holds.machine, holds.simulated) != (asked.job, asked.machine, asked.simulated):
+        value, limit = _side(asked), _side(holds)
+        problems.append(Problem(code="learned.elsewhere", key=version, value=value, limit=limit))
     if holds.strategy != asked.strategy:
         problems.append(Problem(code="learned.strategy", key=version, value=asked.strategy, limit=holds.strategy))
     return tuple(problems)
+
+
+def _side(holds: HoldsFor) -> str:
+    return f"{holds.job}, {holds.machine}, {'simulated' if holds.simulated else 'machine'}"
 
 
 def as_table(learned: LearnedCompensation) -> dict[str, Any]:
@@ -125,7 +132,8 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
         if part is not None:
             rest["part"] = PartRead(**{**part, "wanted": _wave(part["wanted"]), "lobe": _wave(part["lobe"])})
         learned = LearnedCompensation(**rest)
-        if learned.version < 1 or not 0.0 < learned.gain <= 1.0:
+        whole = (learned.version, learned.parent, *([] if learned.reverts is None else [learned.reverts]))
+        if min(map(_whole, whole)) < 0 or learned.version < 1 or not 0.0 < learned.gain <= 1.0:
             raise ValueError(f"version {learned.version}, gain {learned.gain}")
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         value = " ".join(f"{type(error).__name__}: {error}".split())
@@ -136,11 +144,25 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
 def _path(table: Mapping[str, Any]) -> LobedPath:
     numbers = {key: value for key, value in table.items() if key not in ("lobes", "overtones")}
     overtones = tuple(_wave(each) for each in table["overtones"])
-    return LobedPath(lobes=int(table["lobes"]), overtones=overtones, **_finite(numbers))
+    return LobedPath(lobes=_waves(table), overtones=overtones, **_finite(numbers))
 
 
 def _wave(table: Mapping[str, Any]) -> Wave:
-    return Wave(lobes=int(table["lobes"]), **_finite({k: v for k, v in table.items() if k != "lobes"}))
+    return Wave(lobes=_waves(table), **_finite({k: v for k, v in table.items() if k != "lobes"}))
+
+
+def _waves(table: Mapping[str, Any]) -> int:
+    lobes = _whole(table["lobes"])
+    if lobes < 1:
+        raise ValueError(f"lobes {lobes}")
+    return lobes
+
+
+def _whole(value: Any) -> int:
+    """Return a whole number as it stands: nothing is rounded."""
+    if type(value) is not int:
+        raise TypeError(f"{value!r} is no whole number")
+    return value
 
 
 def _finite(numbers: Mapping[str, Any]) -> dict[str, float]:

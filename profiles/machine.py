@@ -138,7 +138,8 @@ class Chuck:
 
     What predictions may use, None where nobody knows it: the length of the jaws along the axis; the stiffness of
     one jaw at 1000 N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total
-    force for one N m at the wrench, and how it scatters from clamping to clamping; the lowest mode of parts in it.
+    force for one N m at the wrench, with the force that there is without any (0 where only the first is given), and how
+    it scatters from clamping to clamping; the lowest mode of parts in it.
     `name` is what the chuck is called at the lathe.
     """
 
@@ -152,6 +153,7 @@ class Chuck:
     jaw_contact_exponent: float | None = None
     jaw_friction: float | None = None
     force_per_torque_n_per_n_m: float | None = None
+    force_offset_n: float | None = None
     force_sd_percent: float | None = None
     work_mode_hz: float | None = None
     name: str = ""

@@ -135,6 +135,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             Field(key="jaw_contact_exponent", at_least=0, at_most=0.9, optional=True),
             _known("jaw_friction", "", 1),
             _known("force_per_torque_n_per_n_m", "N/(N m)", 100_000),
+            Field(key="force_offset_n", unit="N", at_least=-100_000, at_most=100_000, optional=True),
             _known("force_sd_percent", "%", 50),
             _known("work_mode_hz", "Hz", 100_000),
             Field(key="name", kind=Kind.TEXT, default=""),

@@ -22,13 +22,12 @@ from profiles.graduated import share_of
 from profiles.job import Job
 from profiles.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
 from profiles.learning import SIGNIFICANT, Deviation, convergence, learned_part
+from profiles.lobe_conditions import found_on_a_part
 from profiles.part_waves import PartWaves
 from profiles.problem import Problem, ProfileError
 
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 """Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
-
-_SURE_SOURCES = ("measured", "fitted")
 
 
 class Verdict(StrEnum):
@@ -170,7 +169,7 @@ def _contraction(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um:
     before = None if cut.version is None else cut.version.part
     if before is not None:
         path, lobe, sd_um = before.wanted.coefficient, before.lobe.coefficient, before.lobe_sd_um
-    elif job.lobe_error_source in _SURE_SOURCES:
+    elif found_on_a_part(job):
         path, lobe, sd_um = 0j, free_state_lobe(job).waves[0].coefficient, 0.0
     else:
         return None

@@ -116,11 +116,15 @@ def held_part(job: Job, machine: MachineProfile) -> HeldPart:
 
 
 def _second_pass(job: Job, stock: list[CutError]) -> Finding:
-    """`rule.second_pass`: at the same force a thinner wall springs back further, p-p ~ R^3 / t^3."""
+    """`rule.second_pass`: at the same force a thinner wall springs back further, p-p ~ R^3 / t^3.
+
+    It also gives way further between the jaws, where that is all: an error may become smaller, too. A compensation
+    of the pass before is wrong by the change either way.
+    """
     change_um, most_um = stock[-1].um_pp - stock[0].um_pp, job.roundness_tolerance_um
-    value, limit = f"{change_um:.6g} um", f"<= {most_um:.6g} um"
+    value, limit = f"{change_um:+.6g} um", f"± {most_um:.6g} um"
     problem = Problem(code="rule.second_pass", key="depth_of_cut_mm", value=value, limit=limit)
-    return Finding(severity=Severity.OK if change_um <= most_um else Severity.WARNING, problem=problem)
+    return Finding(severity=Severity.OK if abs(change_um) <= most_um else Severity.WARNING, problem=problem)
 
 
 def _places(job: Job, z_mm: ArrayLike | None) -> FloatArray:

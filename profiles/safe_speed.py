@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
-from profiles.chucking.grip import MOST_GRIP_LOSS
+from profiles.chucking.grip import most_loss_speed_rpm, speed_of_loss_rpm
 from profiles.compensation import spindle_speed_rpm
 from profiles.envelope import EnvelopeRow
 from profiles.job import Job
@@ -27,18 +25,15 @@ def speed_limits_rpm(
     0 where a limit is passed at rest already.
     """
     chuck = machine.chuck
+    of_jaws = mass_radius_kg_m(job, machine)
     left_n = job.chucking_force_n / chuck.safety_factor - needed_grip_n(job, machine)
     return {
         **axis.rpm,
         "spindle": machine.spindle.max_speed_rpm,
-        "grip": _speed_of_loss(job, machine, left_n),
-        "grip_loss": _speed_of_loss(job, machine, MOST_GRIP_LOSS * job.chucking_force_n),
+        "grip": speed_of_loss_rpm(left_n, of_jaws),
+        "grip_loss": most_loss_speed_rpm(job.chucking_force_n, of_jaws),
         "response": spindle_speed_rpm(_highest_invertible_hz(machine, response), job.jaws),
     }
-
-
-def _speed_of_loss(job: Job, machine: MachineProfile, loss_n: float) -> float:
-    return 30.0 / math.pi * math.sqrt(max(loss_n, 0.0) / mass_radius_kg_m(job, machine))
 
 
 def _highest_invertible_hz(machine: MachineProfile, response: ServoResponse) -> float:

@@ -59,13 +59,6 @@ def eq9_response(machine: MachineProfile, frequency_hz: ArrayLike) -> ComplexArr
     return np.asarray(response, dtype=np.complex128)
 
 
-def eq9_closed_loop(machine: MachineProfile) -> Any:
-    """Return Eq 9 as a `control.TransferFunction`."""
-    import control
-
-    return control.TransferFunction(*_eq9_polynomials(machine))
-
-
 def eq9_summary(machine: MachineProfile) -> Eq9Summary:
     """Return bandwidth (half power), resonance peak, step overshoot and margins of Eq 9."""
     numerator, denominator = _eq9_polynomials(machine)

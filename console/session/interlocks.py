@@ -11,7 +11,7 @@ from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import Severity, check, lobe_as_found, refusals
+from profiles.rules import Severity, check, force_as_measured, lobe_as_found, refusals
 
 SPEED_BAND = 0.02
 """How far off the speed of the job a spindle may be that somebody else turns: the servo is inverted for that."""
@@ -40,8 +40,11 @@ def of_job(job: Job, machine: MachineProfile, where: str = "") -> Interlock:
 
 
 def of_lobe(job: Job, machine: MachineProfile, strategy: Strategy) -> Interlock:
-    """Return whether this cut is like the one in which the lobe error was found; a plain cut uses no error."""
-    found = () if strategy is Strategy.NONE else lobe_as_found(job, machine)
+    """Return whether this cut is like the one in which the lobe error was found, with the force that it had.
+
+    A plain cut uses no error.
+    """
+    found = () if strategy is Strategy.NONE else (force_as_measured(job), *lobe_as_found(job, machine))
     problems = tuple(finding.problem for finding in found if finding.severity is not Severity.OK)
     return Interlock(name="lobe_as_found", problems=problems)
 

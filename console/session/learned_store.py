@@ -41,7 +41,7 @@ def store(data: Path, learned: LearnedCompensation) -> Path:
     except OSError as error:
         where, value = printable(str(folder)), error.strerror or str(error)
         raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
-    path = folder / f"version-{learned.version:06d}.json"
+    path = folder / _name(learned.version)
     content = json.dumps(as_table(learned), ensure_ascii=False, allow_nan=False, indent=2)
     write_atomically(path, f"{content}\n".encode(), overwrite=False)
     return path
@@ -83,7 +83,14 @@ def _load(file: Path) -> LearnedCompensation:
     except (ValueError, RecursionError) as error:
         value = printable(str(error))
         raise ProfileError(Problem(code="learned.file", where=where, value=value)) from error
-    return from_table(table, where)
+    learned = from_table(table, where)
+    if file.name != _name(learned.version):
+        raise ProfileError(Problem(code="learned.file", where=where, value=f"version {learned.version}"))
+    return learned
+
+
+def _name(version: int) -> str:
+    return f"version-{version:06d}.json"
 
 
 def _folder(data: Path, asked: HoldsFor) -> Path:

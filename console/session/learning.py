@@ -176,19 +176,19 @@ class _Learner:
         outcome = self._cut(self._shop, self._job, plan, "part", watch, number)
         watch.refuse_failed()
         trace = _measured(outcome.trace)
-        off = watch.off_in_the_middle()
+        off, trim_um = watch.in_the_middle()
         gain = FIRST_PART_GAIN if number == 1 else PART_GAIN
         made = LearnedPart(
             roundness=evaluated(trace),
             figures=outcome.figures,
             path=self._path,
-            trim_um=watch.trim_um,
+            trim_um=trim_um,
             tool_off=off,
             air_um=tuple(self._air_um) if number == 1 else (),
             part_gain=gain,
             collisions=outcome.collisions,
         )
-        self._path = self._learned(watch.trim_um, trace, off, gain)
+        self._path = self._learned(trim_um, trace, off, gain)
         return made
 
     def _learned(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> CutPath:

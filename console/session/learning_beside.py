@@ -47,6 +47,7 @@ class AirWatch:
         Raises:
             SessionError: `learning.nothing_gathered`.
         """
+        self._gather.finish()
         if not self._batches:
             raise SessionError(Problem(code="learning.nothing_gathered"))
         return self._batches[-1]
@@ -59,7 +60,8 @@ class CutLearner:
         self._lathe, self._job, self._off = lathe, job, off
         self._gather = lathe.batches()
         self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
-        self._found: list[tuple[float, HarmonicFit]] = []
+        self._found: list[tuple[float, HarmonicFit, complex]] = []
+        self._over = False
         self._failed: DriverError | ProfileError | None = None
         self.trim_um = 0j
 
@@ -90,18 +92,22 @@ class CutLearner:
 
     def _take(self, batch: Batch) -> None:
         found = self._off(batch)
-        self._found.append((batch.past_middle_mm, found))
+        self._found.append((batch.past_middle_mm, found, self.trim_um))
+        if self._over:
+            return
         error_um = found.coefficients_um[self._job.jaws]
         self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
         self._lathe.trim(self.trim_um)
 
-    def off_in_the_middle(self) -> Deviation:
-        """Return what the tool was off where the part is measured.
+    def in_the_middle(self) -> tuple[Deviation, complex]:
+        """Return what the tool was off where the part is measured, and the trim that was in effect there.
 
         Raises:
             SessionError: `learning.nothing_gathered`.
         """
+        self._over = True
+        self._gather.finish()  # what a slow line has not brought during the cut
         if not self._found:
             raise SessionError(Problem(code="learning.nothing_gathered"))
-        _, nearest = min(self._found, key=lambda each: abs(each[0]))
-        return Deviation(mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um)
+        _, nearest, trim_um = min(self._found, key=lambda each: abs(each[0]))
+        return Deviation(mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um), trim_um

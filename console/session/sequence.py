@@ -135,6 +135,7 @@ def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell, beside: Beside | Non
     tell(Step.RETRACT, "")
     _prove_retracted(lathe, plan)
     _turn(shop, 0.0)
+    lathe.stop.check()  # a stop in the last moment is not to be lost in a report
     trace = None
     if shop.measure is not None:
         tell(Step.MEASURE, "")

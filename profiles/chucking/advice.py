@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from profiles.chucking.grip import CUT_SAFETY, least_force_n, most_loss_speed_rpm, permitted_speed_rpm
 from profiles.chucking.holding import Holding, holding_of
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
-from profiles.chucking.wrench import torque_n_m
+from profiles.chucking.wrench import Wrench, torque_n_m
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none
@@ -87,9 +87,15 @@ def clamping_advice(job: Job, machine: MachineProfile) -> ClampingAdvice:
         um_per_n=lobe_um_per_n(job, machine),
         lobe_source=job.lobe_error_source,
         torque_n_m=None if wrench is None else torque_n_m(wrench, job.chucking_force_n),
-        torque_span_n_m=None if wrench is None else (torque_n_m(wrench, minimum_n), torque_n_m(wrench, maximum_n)),
+        torque_span_n_m=None if wrench is None else _torques_n_m(wrench, minimum_n, maximum_n),
         findings=(*of_rules, _span(minimum_n, maximum_n)),
     )
+
+
+def _torques_n_m(wrench: Wrench, minimum_n: float, maximum_n: float) -> tuple[float, float]:
+    """Return the span of torques; from 0 on where the wrench presses harder than the least without any."""
+    least = 0.0 if minimum_n <= wrench.offset_n else torque_n_m(wrench, minimum_n)
+    return least, torque_n_m(wrench, maximum_n)
 
 
 def _speed_rpm(job: Job, machine: MachineProfile, cut_n: float) -> float:

@@ -66,11 +66,6 @@ def stiffness_at(reference_n_per_um: float, reference_n: float, force_n: float, 
     return float(reference_n_per_um * (force_n / reference_n) ** alpha)
 
 
-def anisotropy(alpha: float, load_n: float, force_per_jaw_n: float) -> float:
-    """Return the relative peak-to-peak difference over the angle, three jaws, small loads: alpha P/(3 F_c)."""
-    return alpha * load_n / (3 * force_per_jaw_n)
-
-
 def deflection(contact: Contact, load_n: ArrayLike, angle_from_jaw_deg: ArrayLike) -> Deflection:
     """Solve for the equilibrium of all jaws under loads pushed at angles; the two shapes are broadcast.
 

@@ -44,13 +44,14 @@ def permitted_speed_rpm(force_n: float, cut_grip: float, mass_radius_kg_m: float
 
     With `chuck_safety` 1 it is the form of the chuck makers' manuals.
     """
-    return _speed_rpm(force_n / chuck_safety - CUT_SAFETY * cut_grip, mass_radius_kg_m)
+    return speed_of_loss_rpm(force_n / chuck_safety - CUT_SAFETY * cut_grip, mass_radius_kg_m)
 
 
 def most_loss_speed_rpm(force_n: float, mass_radius_kg_m: float) -> float:
     """Return the speed at which rotation takes 67 % of the force at rest."""
-    return _speed_rpm(MOST_GRIP_LOSS * force_n, mass_radius_kg_m)
+    return speed_of_loss_rpm(MOST_GRIP_LOSS * force_n, mass_radius_kg_m)
 
 
-def _speed_rpm(loss_n: float, mass_radius_kg_m: float) -> float:
+def speed_of_loss_rpm(loss_n: float, mass_radius_kg_m: float) -> float:
+    """Return the speed at which rotation takes so much, n = (30/pi) sqrt(F_c/M_c); 0 where nothing may be lost."""
     return 30 / math.pi * math.sqrt(max(loss_n, 0.0) / mass_radius_kg_m)

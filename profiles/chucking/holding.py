@@ -49,14 +49,13 @@ def holding_of(machine: MachineProfile) -> Holding:
         "force_sd_percent": (chuck.force_sd_percent, FORCE_SD_PERCENT),
     }
     used = {key: usual if said is None else said for key, (said, usual) in given.items()}
-    sd_share = used["force_sd_percent"] / 100
     slope = chuck.force_per_torque_n_per_n_m
     return Holding(
         jaw_length_mm=used["jaw_length_mm"],
         stiffness_n_per_um=used["jaw_stiffness_n_per_um"],
         contact_exponent=used["jaw_contact_exponent"],
         friction=used["jaw_friction"],
-        force_sd_share=sd_share,
-        wrench=None if slope is None else Wrench(force_per_torque_n_per_n_m=slope, sd_share=sd_share),
+        force_sd_share=used["force_sd_percent"] / 100,
+        wrench=None if slope is None else Wrench(force_per_torque_n_per_n_m=slope, offset_n=chuck.force_offset_n or 0.0),
         assumed=tuple(f"chuck.{key}" for key, (said, _) in given.items() if said is None),
     )

@@ -43,11 +43,6 @@ class Reaction:
         """p_1, the power of r/R with which the first harmonic decays towards the axis."""
         return self.jaws if self.exponent is None else self.exponent
 
-    @property
-    def resonance_hz(self) -> float:
-        """Natural frequency without damping, Hz."""
-        return math.sqrt(self.stiffness_n_per_m / self.mass_kg) / (2 * math.pi)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForcedHarmonic:
@@ -106,14 +101,6 @@ def displacement_um(
         wave = each.n * reaction.jaws * angle
         total += each.cos_um * np.cos(wave) + each.sin_um * np.sin(wave)
     return total
-
-
-def depth_change_um(
-    reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float
-) -> FloatArray:
-    """Return x(R) - x(r), what Eq 3 calls the change of the depth of cut, in the shape of `angle_deg`."""
-    outside = displacement_um(reaction, spindle_speed_rpm, angle_deg)
-    return outside - displacement_um(reaction, spindle_speed_rpm, angle_deg, radius_ratio)
 
 
 def eq3_um(reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float) -> FloatArray:

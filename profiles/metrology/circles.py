@@ -66,14 +66,14 @@ def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> 
         ProfileError: as `profiles.metrology.points.checked`.
     """
     angle, deviation = checked(angle_deg, deviation_um)
-    mean_um, x_um, y_um = least_squares(angle, deviation)
-    theta = np.radians(angle)
-    cosine, sine = np.cos(theta), np.sin(theta)
+    direction = _direction(angle)
+    cosine, sine = direction
+    mean_um, x_um, y_um = _least_squares(direction, deviation)
     # Only what is left after least squares goes into the programme: small numbers lose no digits.
     left = deviation - mean_um - x_um * cosine - y_um * sine
     contacts: tuple[Contact, ...] = ()
     if kind != LEAST_SQUARES:
-        dx_um, dy_um, contacts = _extreme(kind, angle, np.vstack((cosine, sine)), left)
+        dx_um, dy_um, contacts = _extreme(kind, angle, direction, left)
         left = left - dx_um * cosine - dy_um * sine
         x_um, y_um = x_um + dx_um, y_um + dy_um
     highest, lowest = float(left.max()), float(left.min())
@@ -98,10 +98,19 @@ def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> 
 
 def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
     """Return mean, x and y of the least squares circle, um; right for unequal angles, too."""
-    theta = np.radians(angle_deg)
-    design = np.column_stack((np.ones_like(theta), np.cos(theta), np.sin(theta)))
+    return _least_squares(_direction(angle_deg), deviation_um)
+
+
+def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
+    design = np.column_stack((np.ones(deviation_um.size), *direction))
     solution = np.linalg.lstsq(design, deviation_um, rcond=None)[0]
     return float(solution[0]), float(solution[1]), float(solution[2])
+
+
+def _direction(angle_deg: FloatArray) -> FloatArray:
+    """Return cosines and sines, shape (2, M)."""
+    theta = np.radians(angle_deg)
+    return np.stack((np.cos(theta), np.sin(theta)))
 
 
 def _extreme(
@@ -111,16 +120,16 @@ def _extreme(
     span_um = float(np.ptp(left_um))
     if span_um == 0.0:
         return 0.0, 0.0, ()
-    size, gains, one = angle_deg.size, left_um / span_um, np.ones((1, angle_deg.size))
-    sides = 1
+    size, gains, sides = angle_deg.size, left_um / span_um, 1
     if kind == MINIMUM_ZONE:  # columns of outer contacts, then of inner ones
-        none = np.zeros((1, size))
-        columns = np.block([[one, none], [none, one], [direction, -direction]])
+        columns = np.zeros((4, 2 * size))
+        columns[0, :size] = columns[1, size:] = 1.0
+        columns[2:, :size], columns[2:, size:] = direction, -direction
         gains, sides = np.concatenate((gains, -gains)), 2
         basis = _nearest(direction, 4) + np.array([0, size, 0, size])
     else:
         sign = 1.0 if kind == MINIMUM_CIRCUMSCRIBED else -1.0
-        columns, gains, basis = np.vstack((one, direction)), sign * gains, _nearest(direction, 3)
+        columns, gains, basis = np.vstack((np.ones(size), direction)), sign * gains, _nearest(direction, 3)
     rhs = np.zeros(columns.shape[0])
     rhs[:sides] = 1.0
     optimum = exchanged(columns, gains, rhs, basis, tolerance=_OUTSIDE)

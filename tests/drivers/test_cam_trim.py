@@ -81,3 +81,21 @@ def test_no_line_asks_for_more_than_a_cutting_force_explains() -> None:
         trim_line(complex(1.01 * MOST_TRIM_UM, 0.0), 0.2)
     with pytest.raises(ValueError, match="at most"):
         trim_line(complex(math.nan, 0.0), 0.2)
+
+
+@pytest.mark.parametrize("trimmed", [False, True])
+def test_the_carriage_goes_back_to_the_row_of_zeros_and_no_further(
+    machine: MachineProfile, experiment: JobMaker, trimmed: bool
+) -> None:
+    plan = plan_cut(short(experiment), machine, Strategy.CAM, trimmed=trimmed)
+    assert plan.zero_row_z is not None
+    assert plan.checked.lowest[3] == pytest.approx(plan.zero_row_z, abs=1.0)
+
+
+def test_a_wave_that_no_host_of_ours_asks_for_is_not_cut(machine: MachineProfile, experiment: JobMaker) -> None:
+    floor = CutFloor(short(experiment), machine, Strategy.CAM, trimmed=True)
+    floor.start()
+    floor.card.sim.wait(ASKED_S)
+    floor.card.tell("P39=500 P40=0")
+    floor.finish()
+    assert floor.measured().ront_um < 0.3

@@ -20,11 +20,6 @@ def coarser(step: float) -> float:
     return step_125(step * 1.01)
 
 
-def finer(step: float) -> float:
-    """Return the next smaller step of 1, 2, 5."""
-    return step_125(step / 2.6)
-
-
 def nice_limits(low: float, high: float) -> tuple[float, float]:
     """Return limits of an axis on round numbers that hold both values, never equal.
 

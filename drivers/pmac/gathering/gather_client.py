@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.errors import ControllerError
-from drivers.pmac.client import PmacClient
+from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gather import GatherError, gather_settings, long_words_of
 from drivers.pmac.gathering.gathered_data import SCALE_NUMBERS, GatherChannel, GatheredData, motor_channel
@@ -58,10 +58,11 @@ class GatherPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataGathering:
-    """The data gathering of the card at the other end of a client."""
+    """The data gathering of the card at the other end of a client; an order is answered within `timeout_s`."""
 
     client: PmacClient
     dialect: Dialect
+    timeout_s: float = REPLY_TIMEOUT_S
 
     def motor_channels(self, *names: str) -> tuple[GatherChannel, ...]:
         """Return channels by names such as `#1 actual`, with the scale that the card's settings give them.
@@ -110,7 +111,7 @@ class DataGathering:
             DriverError: the card refuses, because somebody gathers, or does not answer.
         """
         self._reserve(plan)  # nothing else brings a card back to the beginning of its buffer
-        self.client.request("GATHER")
+        self.client.request("GATHER", self.timeout_s)
 
     def stop(self) -> None:
         """End it; what was gathered stays, to be fetched.
@@ -118,7 +119,7 @@ class DataGathering:
         Raises:
             DriverError: the card does not answer.
         """
-        self.client.request("ENDGATHER")
+        self.client.request("ENDGATHER", self.timeout_s)
 
     def running(self) -> bool:
         """Whether the card gathers.
@@ -128,6 +129,17 @@ class DataGathering:
             DriverError: it does not answer.
         """
         return "gathering" in self._status()
+
+    def set_up_as(self, plan: GatherPlan) -> bool:
+        """Whether the card is still set up to gather what the plan says, asked in one line.
+
+        Raises:
+            GatherError: an answer that is no number.
+            DriverError: the card does not answer.
+        """
+        wanted = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
+        texts = self.client.query(*(f"I{index}" for index in wanted), timeout_s=self.timeout_s)
+        return all(self._number(index, text) == wanted[index] for index, text in zip(wanted, texts, strict=True))
 
     def fetch(self, plan: GatherPlan) -> GatheredData:
         """Return what was gathered, at most the samples of the plan; fewer, when it was stopped before.
@@ -192,7 +204,7 @@ class DataGathering:
     def _reserve(self, plan: GatherPlan) -> None:
         long_words = plan.long_words + SPARE_LONG_WORDS
         try:
-            self.client.request(f"DEFINE GATHER {long_words}")
+            self.client.request(f"DEFINE GATHER {long_words}", self.timeout_s)
         except ControllerError as error:
             if error.error_number != ErrorCode.NO_ROOM:
                 raise

@@ -19,6 +19,9 @@ from profiles.job import Job
 MOST_TRIM_UM = 8.0
 """The largest amplitude: some times what the force of a fine cut at the lobe frequency does to a soft servo."""
 
+ROUNDING_COUNTS = 0.01
+"""By how much the two numbers of a wave may be rounded up on their way."""
+
 SMOOTHED_MS = 40.0
 """Time constant with which the wave goes where it is wanted."""
 
@@ -51,6 +54,7 @@ def trim_values(job: Job, setup: CutSetup, segment_ms: int, first_spindle: float
         "step_deg": format_number(lobe_deg * turns_per_ms * segment_ms),
         "start_deg": format_number(math.fmod(lobe_deg * first_spindle / setup.counts_per_turn, 360.0)),
         "slope": format_number(scales.velocity * 2.0 * math.pi * job.lobe_frequency_hz),
+        "most": format_number((MOST_TRIM_UM / setup.tool_count_um + ROUNDING_COUNTS) ** 2),
         "share": format_number(round(-math.expm1(-segment_ms / SMOOTHED_MS), 6)),
     }
 
@@ -78,6 +82,10 @@ P31=P30*P32-0.5
 ENDIF
 P25=P25+1
 P41=P14+P13*P25
+IF(P39*P39+P40*P40>{most}) ; no cutting force asks for so much: it stays as it is
+P39=P36
+P40=P37
+ENDIF
 P36=P36+(P39-P36)*{share}
 P37=P37+(P40-P37)*{share}
 P38=P15*(P37*COS(P41)-P36*SIN(P41))
@@ -91,11 +99,11 @@ WHILE(P34>0)
 P34=P34-1
 P25=P25+1
 P41=P14+P13*P25
-P35=P34/{out_segments} ; from 1 to 0
-P38=P35*P35*(3-2*P35) ; what is left of the path
+P27=P34/{out_segments} ; from 1 to 0
+P38=P27*P27*(3-2*P27) ; what is left of the path
 P42=P11+P12*(P36*COS(P41)+P37*SIN(P41))-P20
-P24=P15*(P37*COS(P41)-P36*SIN(P41))*P38-P42*6*P35*(1-P35)/{out_ms}*1000
-X(P20+P42*P38):(P24) Y(P28+P16*P25):(P17) Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
+P24=P15*(P37*COS(P41)-P36*SIN(P41))*P38-P42*6*P27*(1-P27)/{out_ms}*1000
+X(P20+P42*P38):(P24) Y(P28+P16*P25):(P17) Z(P29+P33*{out_ms}/3000*(1-P27*P27*P27)):(P33*P27*P27)
 ENDWHILE
 P30=P28+P16*P25
 P29=P29+P33*{out_ms}/3000

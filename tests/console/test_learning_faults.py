@@ -1,0 +1,100 @@
+"""What goes wrong while a cut learns: the machine is well, so the cut ends as a hold does, or simply goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from console.session import learning
+from console.session.learning import learn
+from console.session.run import plan_run
+from console.session.sequence import Shop, Step
+from drivers.cut import Strategy
+from drivers.heartbeat import Heartbeat, cut_condition
+from drivers.lathe import Lathe
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.simulator.machine import SimulatedLathe
+from drivers.snapshot import Snapshot
+from drivers.stop import StopPath
+from profiles.problem import ProblemError
+from profiles.store import load_job
+from tests.compact import compact_machine
+
+MACHINE = compact_machine().machine
+JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=3.0)
+IN_CUT_S = 4.5
+"""Behind the start of the cut of a part: its way to the row of zeros takes 2.4 s, its run-up 0.8 s."""
+
+
+@dataclass
+class Row:
+    """A row of one part on an ideal lathe; `meanwhile` is called once, in the middle of the cut of the part."""
+
+    meanwhile: Callable[[SimulatedLathe], None]
+    sim: SimulatedLathe = field(default_factory=lambda: SimulatedLathe(MACHINE))
+    due_s: float | None = None
+    met: list[Snapshot] = field(default_factory=list)
+
+    def shop(self) -> Shop:
+        link = MemoryLink(self.sim.connect(), self.sim)
+        client = PmacClient(link, self.sim)
+        heartbeat = Heartbeat(client, self.sim, MACHINE)
+        lathe = Lathe(client, MACHINE, self.sim, StopPath(link), seen=self.see, heartbeat=heartbeat)
+        return Shop(lathe=lathe, clamp=self.sim.mount, measure=self.sim.measure, simulated=True)
+
+    def tell(self, part: str, step: Step, _: str) -> None:
+        if part == "part" and step is Step.CUT:
+            self.due_s = self.sim.now_s() + IN_CUT_S
+
+    def see(self, snapshot: Snapshot) -> None:
+        self.met.append(snapshot)
+        if self.due_s is not None and snapshot.at_s >= self.due_s:
+            self.due_s = None
+            self.meanwhile(self.sim)
+
+    def learn(self, monkeypatch: pytest.MonkeyPatch) -> float:
+        """Return the roundness of the part."""
+        monkeypatch.setattr(learning, "AIR_PASSES", 0)
+        plan = plan_run(JOB, MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
+        return learn(plan, self.shop, self.tell, 1).parts[0].roundness.ront_um
+
+
+def stranger(sim: SimulatedLathe) -> None:
+    sim.faults.inject("stranger-writes", line="DELETE GATHER")
+
+
+def lost_reply(sim: SimulatedLathe) -> None:
+    sim.faults.inject("dropped-ack", replies=1)
+
+
+def test_who_deletes_the_gathering_ends_the_cut_with_the_tool_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = Row(stranger)
+    with pytest.raises(ProblemError) as refused:
+        row.learn(monkeypatch)
+    assert [problem.code for problem in refused.value.problems] == ["gather.failed"]
+    last = row.met[-1]
+    assert last.at_rest and last.loops_closed
+    tip_mm = MACHINE.tool.home_radius_mm - last.tool.position / MACHINE.tool.counts_per_mm
+    assert tip_mm > JOB.radius_mm + 1.0
+    # The table was left in its row of zeros, and is off.
+    assert row.sim.controller.variables.get("I", 51) == 0.0
+
+
+def test_a_reply_that_is_lost_costs_a_batch_and_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Row(lost_reply).learn(monkeypatch) < 0.3
+
+
+def test_a_line_of_9600_baud_is_asked_for_shorter_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = Row(lambda _: None)
+    slow = row.tell
+
+    def tell(part: str, step: Step, detail: str) -> None:
+        slow(part, step, detail)
+        if part == "part" and step is Step.CUT:
+            row.sim.faults.inject("9600-baud", baud=9600.0)
+
+    monkeypatch.setattr(row, "tell", tell)
+    assert row.learn(monkeypatch) < 0.3
