@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from profiles.chucking.held_part import HeldPart
+from profiles.chucking.ring import THIN_WALL
 from profiles.cutting import (
     Copying,
     CuttingForce,
@@ -17,6 +18,9 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import Finding, Severity
 from profiles.tool_stiffness import tool_compliance_um_per_n
+
+NEAR_BORDER = 0.1
+"""Share by which a wall may differ from the border between ring and bar and still be taken for either."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,12 +62,13 @@ def process_findings(part: HeldPart, machine: MachineProfile, process: CuttingPr
 
     - `rule.chatter_width`  (warning) a cut wider than the part bears without chatter
     - `rule.jaw_lifts`      (warning) a jaw edge that lets go of a bar under the cut
+    - `rule.wall_border`    (warning) a wall within 10 % of where a ring that bends becomes a bar
     - `rule.mode_near`      (warning) one, two or three times the lobe frequency within 10 % of a mode of the part
     """
     depth_mm, most_mm = part.job.depth_of_cut_mm, process.chatter_limit_mm
     value, limit = f"{depth_mm:.6g} mm", f"<= {most_mm:.6g} mm"
     width = Problem(code="rule.chatter_width", key="depth_of_cut_mm", value=value, limit=limit)
-    return (_unless(depth_mm > most_mm, width), *_lifted(part), *_mode(part, machine))
+    return (_unless(depth_mm > most_mm, width), *_lifted(part), _border(part), *_mode(part, machine))
 
 
 def _lifted(part: HeldPart) -> tuple[Finding, ...]:
@@ -71,6 +76,14 @@ def _lifted(part: HeldPart) -> tuple[Finding, ...]:
         return ()
     value, limit = f"{part.force.passive_n:.6g} N", f"{part.per_jaw_n:.6g} N"
     return (_unless(part.lifted(), Problem(code="rule.jaw_lifts", key="overhang_mm", value=value, limit=limit)),)
+
+
+def _border(part: HeldPart) -> Finding:
+    """The two models do not meet: a wall near the border may be either, and their errors differ many times."""
+    wall_mm, border_mm = part.job.wall_thickness_mm, THIN_WALL * part.job.radius_mm
+    value, limit = f"{wall_mm:.6g} mm", f"{border_mm:.6g} mm"
+    near = Problem(code="rule.wall_border", key="wall_thickness_mm", value=value, limit=limit)
+    return _unless(abs(wall_mm / border_mm - 1.0) <= NEAR_BORDER, near)
 
 
 def _mode(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:

@@ -3,7 +3,7 @@
 A thin ring springs back in proportion to the force that holds it at speed and to the cube of radius over wall, and
 less the further from the jaws it is cut. So a compensation holds for the conditions of its calibration cut, within
 limits that change the lobe by no more than the next clamping does: 1.5 % of the wall are 4.5 % of the lobe, 0.1 mm
-of a diameter of 52 mm are 0.6 %, 2 % of the speed change it by 1 % where a fifth of the force is lost. What the job
+of a diameter of 52 mm are 0.6 %, and 2 % of the speed are 1 % where a fifth of the force is lost. What the job
 does not state is not judged.
 
 Problem code: `rule.lobe_differs`, one for each condition.

@@ -17,7 +17,8 @@ that with several turns each is fitted for itself, too, and the larger of the tw
 by the residuals (M - k degrees of freedom), by the T turns (T - 1).
 
 A wave is significant where A exceeds its sd by sqrt(2 F) with F the 95 % point of Fisher's F of 2 and as many
-degrees of freedom (2.45 for many). Small amplitudes come out too large: E[A^2] = A0^2 + 2 sd^2.
+degrees of freedom (2.45 for many), and 1e-6 um, below which there is only rounding. Small amplitudes come out too
+large: E[A^2] = A0^2 + 2 sd^2.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ _HUBER_ROUNDS = 50
 _STRAY = 4.0
 """Residuals in robust standard deviations from which a point is a chip or a scratch: one in 16 000 by chance."""
 _ROUNDING = 1e-12
+_LEAST_UM = 1e-6
+"""A wave up to this is none, however regular a trace without noise is."""
 
 Floats = NDArray[np.float64]
 
@@ -287,7 +290,7 @@ def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, floa
         sd_deg=min(tangential[0] * to_deg, unknown_deg) if amplitude else unknown_deg,
         ci_um=student(radial[1]) * radial[0],
         ci_deg=min(student(tangential[1]) * tangential[0] * to_deg, 180.0 / n) if amplitude else 180.0 / n,
-        significant=amplitude > _significant_at(radial[1]) * radial[0],
+        significant=amplitude > max(_significant_at(radial[1]) * radial[0], _LEAST_UM),
     )
 
 

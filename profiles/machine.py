@@ -138,8 +138,8 @@ class Chuck:
 
     What predictions may use, None where nobody knows it: the length of the jaws along the axis; the stiffness of
     one jaw at 1000 N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total
-    force for one N m at the wrench, with the force that there is without any (0 where only the first is given), and how
-    it scatters from clamping to clamping; the lowest mode of parts in it.
+    force for one N m at the wrench, the force that there is without any (None beside the first is 0), and how it
+    scatters from clamping to clamping; the lowest mode of parts in it.
     `name` is what the chuck is called at the lathe.
     """
 
@@ -314,6 +314,17 @@ def _crossings(sections: Mapping[str, Mapping[str, Any]], where: str) -> list[Pr
             met.append((f"{name}.motor", str(motor), f"≠ {owners[motor]}.motor"))
         owners.setdefault(motor, name)
     return [
-        Problem(code="value.out_of_range", where=where, key=key, value=value, limit=limit)
-        for key, value, limit in met
+        *_half_a_wrench(sections.get("chuck", {}), where),
+        *(
+            Problem(code="value.out_of_range", where=where, key=key, value=value, limit=limit)
+            for key, value, limit in met
+        ),
     ]
+
+
+def _half_a_wrench(chuck: Mapping[str, Any], where: str) -> list[Problem]:
+    """A force without torque says nothing where nobody knows what a torque adds to it."""
+    slope = "force_per_torque_n_per_n_m"
+    if chuck.get("force_offset_n") is None or chuck.get(slope) is not None:
+        return []
+    return [Problem(code="key.missing", where=where, key=f"chuck.{slope}", limit="force_offset_n")]

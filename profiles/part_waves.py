@@ -3,14 +3,15 @@
 A trace whose angles are t has Re(c exp(j n t)); at spindle angles a = s t + o, with s = -1 where the trace runs
 against the spindle, that is Re(c' exp(j n a)) with c' = c exp(-j n o), or conj(c) exp(-j n o) against it.
 
-Problem codes: those of `profiles.calibration.lobe` but `lobe.not_significant`; `learned.jaw_assumed`.
+Problem codes: those of `profiles.calibration.lobe` but `lobe.not_significant`, `lobe.compensated` and
+`lobe.simulated`; `learned.jaw_assumed`.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,9 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace
+
+_OF_A_PLAIN_CUT = ("lobe.not_significant", "lobe.compensated", "lobe.simulated")
+"""Why a part is not one that shows the lobe of its job; it may teach a path all the same."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,16 +57,18 @@ class PartWaves:
         return evaluate(self.angle_deg, left_um, self.filter_upr).ront_um
 
 
-def part_waves(trace: Trace, job: Job, *, filter_upr: float, robust: bool = False) -> PartWaves:
-    """Return the waves of a part of this job; `filter_upr` is the filter of its RONt.
+def part_waves(
+    trace: Trace, job: Job, *, filter_upr: float, extra: Iterable[int] = (), robust: bool = False
+) -> PartWaves:
+    """Return the waves of a part of this job; `filter_upr` is the filter of its RONt, `extra` are further waves.
 
     Raises:
         ProfileError: what the fit, or the roundness of such a trace, refuses.
     """
-    found = find_lobe(trace, job, robust=robust)
+    found = find_lobe(trace, job, extra=extra, robust=robust)
     header, _ = header_of(trace.meta)
     begins_deg = _begins_deg(header, job)
-    reasons = [problem for problem in found.reasons if problem.code != "lobe.not_significant"]
+    reasons = [problem for problem in found.reasons if problem.code not in _OF_A_PLAIN_CUT]
     if found.phase_assumed:
         reasons.append(Problem(code="learned.jaw_assumed", key="lobe_phase_deg", limit=f"# start_mark: {INDEX}"))
     angle_deg, deviation_um = trace.angle_deg, trace.deviation_um

@@ -118,8 +118,8 @@ def held_part(job: Job, machine: MachineProfile) -> HeldPart:
 def _second_pass(job: Job, stock: list[CutError]) -> Finding:
     """`rule.second_pass`: at the same force a thinner wall springs back further, p-p ~ R^3 / t^3.
 
-    It also gives way further between the jaws, where that is all: an error may become smaller, too. A compensation
-    of the pass before is wrong by the change either way.
+    Far from the jaws, where the lobe dies away and changes its sign, it may also become smaller. A compensation of
+    the pass before is wrong by the change either way.
     """
     change_um, most_um = stock[-1].um_pp - stock[0].um_pp, job.roundness_tolerance_um
     value, limit = f"{change_um:+.6g} um", f"± {most_um:.6g} um"

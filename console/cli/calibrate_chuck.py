@@ -24,6 +24,12 @@ from profiles.problem import Problem, ProfileError
 
 Rows = list[tuple[str, ...]]
 
+WIDE_SLOPE = 0.10
+"""Half-width of a slope, a share of it, above which the torque for a force is too unsure to be set by."""
+
+NO_SCATTER = 1e-6
+"""Scatter in % of the force, below which there is nothing but rounding."""
+
 
 def calibrate_chuck(options: Namespace, text: Catalogue, date: str) -> int:
     """Fit a table of measurements of a machine's chuck.
@@ -153,7 +159,11 @@ def _softest(fit: DeflectionFit, measured: MeasuredTable, text: Catalogue) -> Ro
 def _profile_lines(fit: WrenchFit | DeflectionFit) -> dict[str, float]:
     """Return the keys of [chuck] in a machine profile that this calibration finds."""
     if isinstance(fit, WrenchFit):
-        return {} if fit.intercept_ci else {"force_per_torque_n_per_n_m": fit.slope_n_per_n_m}
+        found = {"force_per_torque_n_per_n_m": fit.slope_n_per_n_m}
+        if fit.intercept_ci:
+            found["force_offset_n"] = fit.intercept_n
+        # A table without any scatter says nothing of the next clamping.
+        return found | ({"force_sd_percent": fit.force_sd_percent} if fit.force_sd_percent > NO_SCATTER else {})
     found = {"jaw_stiffness_n_per_um": fit.stiffness_n_per_um, "jaw_contact_exponent": fit.alpha}
     return found | ({"jaw_length_mm": fit.jaw_length_mm} if fit.jaw_length_ci else {})
 
@@ -169,6 +179,9 @@ def _warnings(fit: WrenchFit | DeflectionFit, measured: MeasuredTable, where: st
     if isinstance(fit, WrenchFit) and fit.misses:
         value = f"{100 * (fit.lack_of_fit_chance or 0.0):.2g} %"
         found.append(Problem(code="calibration.lack_of_fit", where=where, value=value, limit=">= 5 %"))
+    if isinstance(fit, WrenchFit) and fit.slope_ci > WIDE_SLOPE * fit.slope_n_per_n_m:
+        value, limit = f"{100 * fit.slope_ci / fit.slope_n_per_n_m:.2g} %", f"<= {100 * WIDE_SLOPE:g} %"
+        found.append(Problem(code="calibration.wide_slope", where=where, key="slope", value=value, limit=limit))
     if measured.ignored:
         value = printable(", ".join(measured.ignored), 60)
         found.append(Problem(code="calibration.ignored", where=where, value=value))

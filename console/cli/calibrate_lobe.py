@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from console.cli.library import data_of, job_of, machine_of
+from console.cli.lobe_place import said_of_place
 from console.cli.output import print_json
 from console.cli.warn import tell
 from console.session.calibrations import Calibration, keep_job, store
@@ -46,7 +47,9 @@ def calibrate_lobe(options: Namespace, text: Catalogue, date: str) -> int:
     content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES, area="trace")
     try:
         trace = parse_trace(content, where=where)
-        found = find_lobe(trace, loaded.job, extra=options.extra or (), robust=options.robust)
+        found = find_lobe(
+            trace, loaded.job, extra=options.extra or (), robust=options.robust, practice=options.sim
+        )
     except ProfileError as error:
         raise ProfileError(*_named(error.problems, where)) from error
     reasons = _named(found.reasons, where)
@@ -97,13 +100,16 @@ def _named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:
 
 
 def _fields(found: FoundLobe) -> dict[str, object]:
-    fit = found.fit
+    fit, seen = found.fit, found.diagnosis
     return {
         "error_um_pp": fit.error_um_pp,
         "error_ci_um_pp": 2 * fit.lobe.ci_um,
         "crest_deg": found.crest_deg,
         "past_jaw_deg": found.past_jaw_deg,
         "crest_ci_deg": fit.lobe.ci_deg,
+        "simulated": found.simulated,
+        "high_at_jaws": seen and seen.high_at_jaws,
+        "mechanism": seen and seen.mechanism,
         **asdict(fit),
         "floor_um": fit.floor_um,
         "bias_um": fit.lobe.bias_um,
@@ -126,7 +132,9 @@ def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
         for wave in fit.waves
     ]
     head = text("calibrate.lobe_head", jaws=fit.jaws, points=fit.points, turns=fit.turns, left_out=fit.left_out)
-    return [head, "", *table(waves, numeric=(0, 1, 2, 3, 4)), "", *table(_facts(found, fit, text), numeric=(1,))]
+    facts = table(_facts(found, fit, text), numeric=(1,))
+    spoken = [] if found.diagnosis is None else [said_of_place(found.diagnosis, text)]
+    return [head, "", *table(waves, numeric=(0, 1, 2, 3, 4)), "", *facts, *spoken]
 
 
 def _facts(found: FoundLobe, fit: LobeFit, text: Catalogue) -> list[tuple[str, str, str]]:

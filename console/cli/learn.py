@@ -43,7 +43,16 @@ def _learn(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Cat
     where = printable(options.file)
     try:
         found = taught(
-            trace, job, machine, data, said, identified, gain=options.gain, robust=options.robust, date=_date()
+            trace,
+            job,
+            machine,
+            data,
+            said,
+            identified,
+            gain=options.gain,
+            robust=options.robust,
+            date=_date(),
+            extra=options.extra or (),
         )
     except ProfileError as error:
         raise ProfileError(*(replace(each, where=each.where or where) for each in error.problems)) from error
@@ -89,7 +98,7 @@ def _refuse_unused(options: Namespace) -> None:
     Raises:
         SessionError: `learned.unused`.
     """
-    unused = [key for key in (*KEYS, "identified", "gain") if getattr(options, key) is not None]
+    unused = [key for key in (*KEYS, "identified", "gain", "extra") if getattr(options, key) is not None]
     if options.list and options.keep:
         unused.append("keep")
     if unused:

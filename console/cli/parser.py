@@ -261,6 +261,8 @@ def _calibrate(commands: _Commands, text: Catalogue) -> None:
     lobe.add_argument("--extra", metavar="N,N", type=_orders, help=text("help.calibrate.extra"))
     lobe.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
     lobe.add_argument("--keep", action="store_true", help=text("help.calibrate.lobe.keep"))
+    sim_help = text("help.calibrate.lobe.sim")
+    lobe.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=sim_help)
 
 
 def _learn(commands: _Commands, text: Catalogue) -> None:
@@ -277,6 +279,7 @@ def _learn(commands: _Commands, text: Catalogue) -> None:
     parser.add_argument("--stage", choices=STAGES[1:], help=text("help.learn.stage"))
     parser.add_argument("--identified", metavar="FILE", help=text("help.learn.identified"))
     parser.add_argument("--gain", metavar="GAIN", type=_number, help=text("help.learn.gain"))
+    parser.add_argument("--extra", metavar="N,N", type=_orders, help=text("help.learn.extra"))
     parser.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
     parser.add_argument("--keep", action="store_true", help=text("help.learn.keep"))
 

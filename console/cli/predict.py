@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Mapping
 from dataclasses import asdict
 
 import numpy as np
 
 from console.cli.findings import finding_fields, finding_rows
-from console.cli.library import job_of, profile_of
+from console.cli.library import data_of, job_of, profile_of
+from console.cli.lobe_place import said_of_place
 from console.cli.output import print_json
+from console.cli.warn import tell
+from console.session.calibrated_chuck import calibrated
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.chucking.advice import ClampingAdvice
@@ -23,13 +27,30 @@ from profiles.rules import refusals
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print the prediction; 1 when a rule refuses the job."""
-    job, machine = job_of(options).job, profile_of(options).machine
-    seen = predict(job, machine)
+    job, found = job_of(options).job, calibrated(profile_of(options).machine, data_of(options))
+    machine, seen = found.machine, predict(job, found.machine)
+    warnings = tell(found.warnings, text)
     if options.json:
-        print_json({"job": job.name, "machine": machine.name, **_fields(job, seen, text)})
+        sources = {f"chuck.{key}": date or "profile" for key, date in found.sources.items()}
+        more = {"sources": sources, "warnings": warnings}
+        print_json({"job": job.name, "machine": machine.name, **_fields(job, seen, text), **more})
     else:
-        print("\n".join([f"{job.name} · {machine.name}", "", *_lines(job, seen, text)]))
+        told = [*_lines(job, seen, text), *_sources(found.sources, text)]
+        print("\n".join([f"{job.name} · {machine.name}", "", *told]))
     return 1 if refusals(seen.findings) else 0
+
+
+def _sources(sources: Mapping[str, str], text: Catalogue) -> list[str]:
+    """Return where what is known of the chuck is from: the profile, or a calibration of a date."""
+    keys: dict[str, list[str]] = {}
+    for key, date in sorted(sources.items(), key=lambda each: each[1]):
+        keys.setdefault(date, []).append(f"chuck.{key}")
+    return [
+        text("predict.calibrated", keys=", ".join(of_date), date=date)
+        if date
+        else text("predict.from_profile", keys=", ".join(of_date))
+        for date, of_date in keys.items()
+    ]
 
 
 def _fields(job: Job, seen: Prediction, text: Catalogue) -> dict[str, object]:
@@ -83,14 +104,15 @@ def _lines(job: Job, seen: Prediction, text: Catalogue) -> list[str]:
 
 def _error(job: Job, seen: Prediction, text: Catalogue) -> list[tuple[str, str]]:
     cut, high = seen.cut, _high(job, seen)
-    place = "predict.no_lobe" if high is None else "predict.high" if high else "predict.low"
+    at_jaws = "predict.no_lobe" if high is None else "predict.high" if high else "predict.low"
     rows = [
         (text("predict.mechanism"), text(f"mechanism.{cut.mechanism}")),
-        (text("predict.at_cut", z=f"{cut.z_mm:.1f}"), f"{cut.um_pp:.2f} um p-p, {text(place)}"),
+        (text("predict.at_cut", z=f"{cut.z_mm:.1f}"), f"{cut.um_pp:.2f} um p-p, {text(at_jaws)}"),
         (text("predict.spread"), f"± {cut.sd_um_pp:.2f} um p-p"),
     ]
     if cut.measured_um_pp is not None:
-        rows.append((text("predict.measured"), f"{cut.measured_um_pp:.1f} um p-p"))
+        place = "" if cut.diagnosis is None else f", {said_of_place(cut.diagnosis, text)}"
+        rows.append((text("predict.measured"), f"{cut.measured_um_pp:.1f} um p-p{place}"))
     if cut.matching_force_n is not None:
         rows.append((text("predict.matching"), f"{cut.matching_force_n:.0f} N"))
     turned = ", ".join(f"{um:.1f}" for um in seen.stock_um_pp)

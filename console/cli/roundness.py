@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -52,7 +54,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     measured = _measured(options)
     warnings = tell(measured.result.warnings, text)
     if options.vblock is not None:
-        lobe = read_v_block(measured.result, options.vblock, options.lobes)
+        with _naming(printable(options.file)):
+            lobe = read_v_block(measured.result, options.vblock, options.lobes)
         fields, lines = v_block_fields(lobe, measured.header), v_block_lines(lobe, text)
     else:
         shown = _of_circle(measured.result, options.circle)
@@ -72,10 +75,8 @@ def _measured(options: Namespace) -> Measured:
     trace = read_trace(Path(options.file))
     header, warnings = header_of(trace.meta)
     _refuse_method(header, options, where)
-    try:
+    with _naming(where):
         turns, result = _evaluated(trace, header, options)
-    except ProfileError as error:
-        raise ProfileError(*(replace(problem, where=where) for problem in error.problems)) from error
     warnings = (*warnings, *result.warnings)
     size_mm = offset_um = None
     if header.radius_mm is not None and header.size != "relative":
@@ -93,6 +94,15 @@ def _measured(options: Namespace) -> Measured:
         mean_diameter_mm=size_mm,
         tool_offset_um=offset_um,
     )
+
+
+@contextmanager
+def _naming(where: str) -> Iterator[None]:
+    """Have every problem name the file."""
+    try:
+        yield
+    except ProfileError as error:
+        raise ProfileError(*(replace(problem, where=where) for problem in error.problems)) from error
 
 
 def _evaluated(trace: Trace, header: TraceHeader, options: Namespace) -> tuple[Turns | None, RoundnessResult]:

@@ -1,4 +1,4 @@
-"""Identified responses on the disk: one file each, found again by what they hold for."""
+"""Identified responses on the disk: one file each, named by machine, path and date."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 from urllib.parse import quote
 
-from drivers.cutting.plan import Strategy
-from drivers.identification.result import IdentifiedResponse, Origin, as_table, from_table
+from drivers.identification.result import IdentifiedResponse, as_table, from_table
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 
@@ -33,20 +32,6 @@ def store(data: Path, identified: IdentifiedResponse) -> Path:
     content = json.dumps(as_table(identified), ensure_ascii=False, allow_nan=False, indent=2)
     write_atomically(path, f"{content}\n".encode(), overwrite=False)
     return path
-
-
-def newest(data: Path, origin: Origin, path: Strategy) -> IdentifiedResponse | None:
-    """Return the latest response of a path that was measured on this machine with this firmware and these gains.
-
-    Raises:
-        ProfileError: a file that cannot be read, or is none of ours: it may be the one that was asked for.
-    """
-    folder = _folder(data, origin.machine)
-    for file in sorted(folder.glob(f"{path}-*.json"), reverse=True):
-        identified = load(file)
-        if identified.path is path and identified.origin == origin:
-            return identified
-    return None
 
 
 def load(file: Path) -> IdentifiedResponse:

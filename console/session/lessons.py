@@ -22,6 +22,7 @@ from profiles.learned import MODEL, LearnedCompensation, again, model_again
 from profiles.machine import MachineProfile
 from profiles.next_version import CutWith, Lesson, next_version
 from profiles.part_waves import part_waves
+from profiles.path_bounds import MOST_WAVES
 from profiles.problem import Problem
 from profiles.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.rules import lobe_um_per_n
@@ -32,6 +33,10 @@ SIMULATED = ("simulated", "yes")
 """The header line of a trace that no gauge has measured."""
 
 OVERTONES = (1, 2, 3)
+LEAST_EXTRA = 2
+
+LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
+"""Share of a command that the axis must make for a wave to be learned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,14 +60,16 @@ def taught(
     gain: float | None,
     robust: bool,
     date: str,
+    extra: tuple[int, ...] = (),
 ) -> Taught:
     """Return what the trace of a part teaches; `said` is what is known of its cut, see `made_with`.
 
-    `identified` is the file of the response that the cut has inverted in place of the model's.
+    `identified` is the file of the response that the cut has inverted, `extra` are further waves to be learned.
 
     Raises:
-        ProblemError: the part is of another cut than is said, or of none that can be learned from; the version of
-            the cut is not there, or for another job or machine; what the trace or the fit refuses.
+        ProblemError: the part is of another cut than is said, or of none that can be learned from, or `extra` of
+            none that can be made (`learned.extra`); the version of the cut is not there, or for another job or
+            machine; what the trace or the fit refuses.
     """
     simulated = trace.meta.get(SIMULATED[0]) == SIMULATED[1]
     asked = asked_for(job, machine, "", simulated=simulated)
@@ -77,7 +84,7 @@ def taught(
     asked = replace(asked, strategy=made.strategy)
     version = chosen(made.compensation, known, asked)
     path = nominal_path(job.job, machine.machine, strategy, response) if version is None else version.path
-    part = part_waves(trace, job.job, filter_upr=FILTER_UPR, robust=robust)
+    part = part_waves(trace, job.job, filter_upr=FILTER_UPR, extra=extra, robust=robust)
     lesson = next_version(
         CutWith(path=path, share=stage.share, version=version),
         part,
@@ -85,7 +92,7 @@ def taught(
         job.job,
         number=_next(known),
         gain=gain,
-        orders=_orders(job.job, machine.machine, strategy),
+        orders=_orders(job.job, machine.machine, strategy, extra),
         response=lambda n: nominal_response(strategy, machine.machine, _hz(job.job, n)),
         scatter_um=_scatter_um(job.job, machine.machine),
         date=date,
@@ -134,13 +141,47 @@ def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
     return Strategy(made.strategy), Stage(made.stage)
 
 
-def _orders(job: Job, machine: MachineProfile, strategy: Strategy) -> tuple[int, ...]:
-    """Return the waves that can be commanded: the lobe; by a table also its overtones, where the axis follows."""
+def _orders(job: Job, machine: MachineProfile, strategy: Strategy, extra: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the waves that can be commanded: the lobe; by a table also its overtones, and what is asked for.
+
+    Raises:
+        SessionError: `learned.extra`.
+    """
+    _refuse_extra(extra, job, machine, strategy)
     if strategy is not Strategy.CAM:
         return (job.jaws,)
-    waves = (job.jaws * overtone for overtone in OVERTONES)
-    reach = {n: abs(nominal_response(strategy, machine, _hz(job, n))) for n in waves}
-    return tuple(n for n, share in reach.items() if n == job.jaws or share * AMPLIFICATION_LIMIT >= 1.0)
+    overtones = {job.jaws * overtone for overtone in OVERTONES}
+    reached = {n for n in overtones if _followed_share(n, job, machine, strategy) >= LEAST_FOLLOWED}
+    return tuple(sorted({job.jaws, *reached, *extra}))
+
+
+def _refuse_extra(extra: tuple[int, ...], job: Job, machine: MachineProfile, strategy: Strategy) -> None:
+    """Refuse waves that are asked for and cannot be cut, or that are the gauge's own and not the part's.
+
+    Raises:
+        SessionError: `learned.extra`, one problem for each.
+    """
+    if not extra:
+        return
+    if strategy is not Strategy.CAM:
+        value, limit = f"--strategy {strategy}", f"--strategy {Strategy.CAM}"
+        raise SessionError(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
+    problems: list[Problem] = []
+    for n in extra:
+        # Once in a turn a part stands beside the axis of the gauge.
+        if not LEAST_EXTRA <= n <= MOST_WAVES:
+            value, limit = f"{n}/rev", f"{LEAST_EXTRA}/rev … {MOST_WAVES}/rev"
+            problems.append(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
+        elif (share := _followed_share(n, job, machine, strategy)) < LEAST_FOLLOWED:
+            value, limit = f"{n}/rev (|T| = {share:.3f})", f"|T| >= {LEAST_FOLLOWED:g}"
+            problems.append(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
+    if problems:
+        raise SessionError(*problems)
+
+
+def _followed_share(n: int, job: Job, machine: MachineProfile, strategy: Strategy) -> float:
+    """Return how much of a command of n waves in a turn the axis makes."""
+    return abs(nominal_response(strategy, machine, _hz(job, n)))
 
 
 def _inverted(

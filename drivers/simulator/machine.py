@@ -126,13 +126,16 @@ class SimulatedLathe:
         """Clamp a new blank for `job`."""
         self._floor.mount(job)
 
-    def measure(self) -> Trace:
-        """Release the part and take its trace in the middle of the cut; until another is clamped, once more.
+    def measure(self, past_middle_mm: float = 0.0) -> Trace:
+        """Release the part and take its trace; until another is clamped, once more.
+
+        It is taken so far past the middle of the cut, towards the jaws; see `ShopFloor.measure`.
 
         Raises:
+            ValueError: there is no section at `past_middle_mm`.
             RuntimeError: no part is mounted.
         """
-        return self._floor.measure()
+        return self._floor.measure(past_middle_mm)
 
     def measure_clamped(self) -> Trace:
         """Take the trace of the part in the chuck, as the tool has left it, the error of the spindle in it.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,8 +19,12 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.traces import Trace
 
+SECTIONS = (0.0, -0.4, 0.4)
+"""Where the part is measured, in lengths of the cut past its middle, towards the jaws; the middle first."""
+
 MID_LENGTH = 0
-"""The section in the middle of the cut, the one that is measured."""
+
+SAME_PLACE_MM = 1e-6
 
 
 class ShopFloor:
@@ -38,6 +43,7 @@ class ShopFloor:
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
         self._nominal_radius_mm = 0.0
+        self._past_middle_mm: tuple[float, ...] = ()
         self._free_end_mm = true.jaw_face_mm
         self._torque_n_m = 0.0
 
@@ -51,8 +57,13 @@ class ShopFloor:
         true, self._released = self._true, None
         self._free_end_mm = true.jaw_face_mm - job.overhang_mm
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
-        blank = true.blank(job, true.force_factor(self._clampings))
-        self._part = Workpiece(blank, (middle_mm,), true.wiper_land_mm)
+        growth_per_mm = true.growth_per_mm(job)
+        blank = replace(
+            true.blank(job, true.force_factor(self._clampings)), middle_mm=middle_mm, growth_per_mm=growth_per_mm
+        )
+        self._past_middle_mm = tuple(share * job.cut_length_mm for share in SECTIONS)
+        sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
+        self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
         self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
         self._torque_n_m = cutting_torque_n_m(job)
         self._watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
@@ -67,17 +78,34 @@ class ShopFloor:
                 )
             )
 
-    def measure(self) -> Trace:
-        """Release the part and take its trace in the middle of the cut; until another is clamped, once more."""
+    def measure(self, past_middle_mm: float = 0.0) -> Trace:
+        """Release the part and take its trace; until another is clamped, once more.
+
+        It is taken so far past the middle of the cut, towards the jaws: there, or 0.4 lengths of the cut to either
+        side.
+
+        Raises:
+            ValueError: there is no section at `past_middle_mm`.
+            RuntimeError: no part is mounted.
+        """
+        part = self._part or self._released
+        if part is None:
+            raise RuntimeError("no part is mounted")
+        section = self._section_at(past_middle_mm)
         if self._part is not None:
             self._part, self._released = None, self._part
             self._watch.release()
             if self._load is not None:
                 self._load.clamp(None)
-        if self._released is None:
-            raise RuntimeError("no part is mounted")
-        _, free_um = self._released.released_um(MID_LENGTH, self._nominal_radius_mm)
+        _, free_um = part.released_um(section, self._nominal_radius_mm)
         return self._gauge.trace(free_um, self._nominal_radius_mm, "free")
+
+    def _section_at(self, past_middle_mm: float) -> int:
+        for section, there_mm in enumerate(self._past_middle_mm):
+            if abs(there_mm - past_middle_mm) <= SAME_PLACE_MM:
+                return section
+        there = ", ".join(f"{each_mm:g}" for each_mm in self._past_middle_mm)
+        raise ValueError(f"past_middle_mm = {past_middle_mm:g}: sections are at {there} mm")
 
     def measure_clamped(self) -> Trace:
         """Take the trace of the part in the chuck with an indicator where the tool is: the spindle is in it."""

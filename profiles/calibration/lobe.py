@@ -3,15 +3,21 @@
 The trace says in its header lines which way its angles run and where they begin; without both the crest has no
 place on the spindle, and only the amplitude is known. Where the trace counts from jaw 1, the job has that.
 
-Problem codes: `lobe.phase_unknown`, `lobe.not_significant`, `lobe.not_free`, `lobe.method`; as a warning also
-`lobe.filtered`, `lobe.undeclared`, `lobe.biased`.
+A trace that says how its part was cut must say: without compensation. One of a simulated part is for practice
+only, and the source of the job says so.
+
+Problem codes: `lobe.phase_unknown`, `lobe.not_significant`, `lobe.not_free`, `lobe.method`, `lobe.compensated`,
+`lobe.simulated`; as a warning also `lobe.filtered`, `lobe.undeclared`, `lobe.biased`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from profiles.chucking.diagnosis import Diagnosis, diagnose
+from profiles.chucking.ring import is_thin
+from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe_fit import LobeFit, fit_lobe
 from profiles.metrology.filters import gaussian_transmission
@@ -21,6 +27,9 @@ from profiles.traces import Trace
 
 INDEX = "spindle index"
 """What the header line `start_mark` says when the angles of the trace begin where those of the spindle do."""
+
+SIMULATED_SOURCE = "lobe of a simulated part, for practice"
+"""What the source of a job says that has its lobe from a simulated part."""
 
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
@@ -42,20 +51,26 @@ class FoundLobe:
 
     `crest_deg` is where the released part is high, in spindle degrees in [0, 360), None where that is not known.
     `past_jaw_deg` is the crest nearest to jaw 1 from there, positive in the direction of the cut, None where the
-    angle of jaw 1 is not known. `phase_assumed`: the crest is known from jaw 1, which is where the job assumes it.
+    angle of jaw 1 is not known, and neither is `diagnosis` then, what its place at the jaws speaks for.
+    `phase_assumed`: the crest is known from jaw 1, which is where the job assumes it. `simulated`: no gauge has
+    measured the trace.
     `reasons` are why a job cannot be given this lobe; `warnings` do not spoil it.
     """
 
     fit: LobeFit
     crest_deg: float | None
     past_jaw_deg: float | None
+    diagnosis: Diagnosis | None
+    simulated: bool
     phase_assumed: bool = False
     reasons: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
 
-def find_lobe(trace: Trace, job: Job, *, extra: Iterable[int] = (), robust: bool = False) -> FoundLobe:
-    """Return the lobe in a trace of a part of this job.
+def find_lobe(
+    trace: Trace, job: Job, *, extra: Iterable[int] = (), robust: bool = False, practice: bool = False
+) -> FoundLobe:
+    """Return the lobe in a trace of a part of this job; for `practice` the part may be a simulated one.
 
     Raises:
         ProfileError: what `fit_lobe` refuses.
@@ -63,13 +78,16 @@ def find_lobe(trace: Trace, job: Job, *, extra: Iterable[int] = (), robust: bool
     header, unusable = header_of(trace.meta)
     fit = fit_lobe(trace.angle_deg, trace.deviation_um, job.jaws, extra=extra, robust=robust)
     from_index = trace.meta.get("start_mark") == INDEX
+    simulated = trace.meta.get("simulated") == "yes"
     crest_deg, past_deg = _on_the_spindle(fit, header, job, from_index)
     return FoundLobe(
         fit=fit,
         crest_deg=crest_deg,
         past_jaw_deg=past_deg,
+        diagnosis=None if past_deg is None or not fit.lobe.significant else _diagnosis(past_deg, job),
+        simulated=simulated,
         phase_assumed=crest_deg is not None and not from_index and not _jaw_known(job),
-        reasons=tuple(_reasons(fit, header, crest_deg)),
+        reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, crest_deg)),
         warnings=(*unusable, *_warnings(fit, header)),
     )
 
@@ -78,7 +96,7 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
     """Return the job with this lobe as its error, fitted in a cut with its own force, speed, lengths and tools.
 
     `chuck` and `tool` are their names in the machine, "" where they have none. `found` must have no reasons.
-    A condition that the job only assumes stays assumed.
+    A condition that the job only assumes stays assumed. The source says whether the part was a simulated one.
     """
     if found.crest_deg is None or found.reasons:
         raise ValueError(found.reasons)
@@ -95,8 +113,19 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
         lobe_chuck=chuck or None,
         lobe_tool=tool or None,
         assumed=tuple(sorted(assumed)),
+        source=_source(job.source, found.simulated),
         **{lobe: getattr(job, own) for lobe, own in _CONDITIONS.items()},
     )
+
+
+def _source(before: str, simulated: bool) -> str:
+    own = before.removesuffix(SIMULATED_SOURCE).removesuffix("; ")
+    return "; ".join(filter(None, (own, SIMULATED_SOURCE))) if simulated else own
+
+
+def _diagnosis(past_jaw_deg: float, job: Job) -> Diagnosis:
+    thin = is_thin(job.wall_thickness_mm, job.radius_mm)
+    return diagnose(crest_deg=past_jaw_deg, jaw_1_deg=0.0, jaws=job.jaws, thin=thin)
 
 
 def _jaw_known(job: Job) -> bool:
@@ -121,6 +150,16 @@ def _on_the_spindle(
     lobe_deg = 360.0 / job.jaws
     past_deg = (crest_deg - jaw_deg + 0.5 * lobe_deg) % lobe_deg - 0.5 * lobe_deg
     return ((jaw_deg if from_index else job.jaw_1_deg) + past_deg) % 360.0, past_deg
+
+
+def _of_cut(meta: Mapping[str, str], simulated: bool) -> Iterable[Problem]:
+    """What a compensation has left is not the lobe; what nobody says was not compensated."""
+    for key in ("strategy", "compensation"):
+        if meta.get(key, "none") != "none":
+            yield Problem(code="lobe.compensated", key=key, value=printable(meta[key], 60), limit="none")
+            break
+    if simulated:
+        yield Problem(code="lobe.simulated", key="simulated", value="yes", limit="--sim")
 
 
 def _reasons(fit: LobeFit, header: TraceHeader, crest_deg: float | None) -> Iterable[Problem]:

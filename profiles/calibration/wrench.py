@@ -3,7 +3,8 @@
 Of a scroll chuck F = 2 pi eta i Tq / p: a line through the origin, F = c Tq. With a preload or a friction that
 must be overcome first it is F = a + c Tq. Least squares of M clampings, with s^2 the variance of what is left:
 
-    a new clamping     F +- t s sqrt(1 + x' (X' X)^-1 x),    x = (Tq) or (1, Tq)
+    the line           F +- t s sqrt(x' (X' X)^-1 x),        x = (Tq) or (1, Tq)
+    a new clamping     F +- t s sqrt(1 + x' (X' X)^-1 x)
     the torque for F   the two Tq at which F leaves that band (E. C. Fieller)
 
 Half-widths are for 95 %, by Student's t. The scatter is taken to be the same at every torque. A lack of fit is
@@ -68,6 +69,22 @@ class WrenchFit:
         """Whether a line is not what the measurements show."""
         return self.lack_of_fit_chance is not None and self.lack_of_fit_chance < 1.0 - CONFIDENCE
 
+    @property
+    def middle_n_m(self) -> float:
+        """The middle of the torques that were measured."""
+        return 0.5 * (self.lowest_n_m + self.highest_n_m)
+
+    @property
+    def force_sd_percent(self) -> float:
+        """The scatter of one clamping as a share of the force in the middle of what was measured, %."""
+        return 100.0 * self.sd_n / self.line_n(self.middle_n_m).value
+
+    def line_n(self, torque_n_m: float) -> Band:
+        """Return the mean force of many clampings at a torque: what is sure of the line itself."""
+        reach = student(self.freedom) * self.sd_n * math.sqrt(self._leverage(torque_n_m))
+        value = self.intercept_n + self.slope_n_per_n_m * torque_n_m
+        return Band(value=value, low=value - reach, high=value + reach)
+
     def force_n(self, torque_n_m: float) -> Band:
         """Return the total chucking force of one clamping at a torque.
 
@@ -75,10 +92,8 @@ class WrenchFit:
             ProfileError: `calibration.outside`, a torque at which nothing was measured.
         """
         self._refuse_outside(torque_n_m, "torque_n_m")
-        u00, u01, u11 = self.covariance
-        leverage = u00 + 2 * u01 * torque_n_m + u11 * torque_n_m**2
-        reach = student(self.freedom) * self.sd_n * math.sqrt(1 + leverage)
-        value = self.intercept_n + self.slope_n_per_n_m * torque_n_m
+        reach = student(self.freedom) * self.sd_n * math.sqrt(1 + self._leverage(torque_n_m))
+        value = self.line_n(torque_n_m).value
         return Band(value=value, low=value - reach, high=value + reach)
 
     def torque_n_m(self, force_n: float) -> Band:
@@ -99,6 +114,10 @@ class WrenchFit:
             raise ProfileError(_no_slope(self.slope_n_per_n_m, self.slope_ci))
         root = math.sqrt(max(linear**2 - square * constant, 0.0))
         return Band(value=value, low=(linear - root) / square, high=(linear + root) / square)
+
+    def _leverage(self, torque_n_m: float) -> float:
+        u00, u01, u11 = self.covariance
+        return u00 + 2 * u01 * torque_n_m + u11 * torque_n_m**2
 
     def _refuse_outside(self, torque_n_m: float, key: str) -> None:
         slack = ROUNDING * self.highest_n_m

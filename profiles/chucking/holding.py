@@ -56,6 +56,8 @@ def holding_of(machine: MachineProfile) -> Holding:
         contact_exponent=used["jaw_contact_exponent"],
         friction=used["jaw_friction"],
         force_sd_share=used["force_sd_percent"] / 100,
-        wrench=None if slope is None else Wrench(force_per_torque_n_per_n_m=slope, offset_n=chuck.force_offset_n or 0.0),
+        wrench=None
+        if slope is None
+        else Wrench(force_per_torque_n_per_n_m=slope, offset_n=chuck.force_offset_n or 0.0),
         assumed=tuple(f"chuck.{key}" for key, (said, _) in given.items() if said is None),
     )

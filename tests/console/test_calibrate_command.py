@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.session.errors import SessionError
 from console.session.interlocks import of_lobe
+from console.session.run import plan_run
 from console.session.work import edited, opened
 from drivers.cut import Strategy
 from profiles.store import load_job, load_machine
@@ -123,6 +125,44 @@ def test_an_unknown_phase_keeps_nothing_and_tells_the_amplitude(
     assert seen.json["error_um_pp"] == pytest.approx(55.0, abs=0.15)
 
 
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_compensated_part_is_told_and_never_kept(
+    console: Console, tmp_path: Path, data_folder: Path, language: str
+) -> None:
+    cut = ("# simulated: yes", "# compensation: none", "# strategy: cam", "# stage: full")
+    words = ("calibrate", "lobe", str(trace(tmp_path, *INDEX, *cut)), "--job", JOB, "--keep", "--lang", language)
+    said = console("--sim", *words)
+    assert (said.code, files(data_folder)) == (1, [])
+    assert "55." in said.out and "strategy cam" in said.err and "--strategy none" in said.err
+    plain = console("--sim", *words[:-3], "--lang", language)
+    assert plain.code == 0 and "strategy cam" in plain.err
+
+
+def test_a_simulated_part_is_kept_for_practice_only(console: Console, tmp_path: Path, data_folder: Path) -> None:
+    head = (*INDEX, "# simulated: yes", "# strategy: none")
+    words = ("calibrate", "lobe", str(trace(tmp_path, *head)), "--job", JOB, "--keep", "--json")
+    said = console(*words)
+    assert (said.code, files(data_folder)) == (1, [])
+    assert "--sim" in said.err
+    said = console("--sim", *words)
+    assert (said.code, said.json["simulated"]) == (0, True)
+    kept = load_job(f"{JOB}-2", data_folder / "trilobe" / "jobs").job
+    assert kept.lobe_error_source == "fitted" and "simulated part" in kept.source
+
+
+@pytest.mark.parametrize(
+    ("language", "high", "low"),
+    [("en", "the clamped ring springs back", "gives way between"), ("ko", "물린 링의 탄성 복원", "벽의 처짐")],
+)
+def test_the_sign_at_the_jaws_names_the_mechanism(
+    console: Console, tmp_path: Path, language: str, high: str, low: str
+) -> None:
+    for crest_deg, words in ((2.0, high), (62.0, low)):
+        path = trace(tmp_path, "# direction: cw", "# jaw_1_deg: 0", crest_deg=crest_deg)
+        said = console("calibrate", "lobe", str(path), "--job", JOB, "--lang", language)
+        assert said.code == 0 and words in said.out
+
+
 def test_a_lobe_that_is_changed_by_hand_is_an_assumed_one() -> None:
     job = replace(load_job(JOB).job, lobe_error_source="fitted")
     work = opened(replace(load_job(JOB), job=job), load_machine("lee-2001-lathe"))
@@ -138,3 +178,17 @@ def test_a_cut_unlike_the_calibration_cut_is_not_armed_except_a_plain_one() -> N
         "spindle_speed_rpm"
     ]
     assert of_lobe(work.job, machine.machine, Strategy.NONE).holds
+
+
+@pytest.mark.parametrize(("force_n", "holds"), [(841.0, False), (839.0, True), (761.0, True), (759.0, False)])
+def test_a_run_is_planned_only_at_the_force_of_the_calibration_cut(force_n: float, holds: bool) -> None:
+    machine = load_machine("lee-2001-lathe").machine
+    job = replace(load_job(JOB).job, chucking_force_n=force_n, lobe_force_n=800.0, cut_length_mm=1.0)
+    told = {problem.code for problem in plan_run(job, machine, Strategy.NONE).warnings}
+    assert ("rule.force_differs" in told) is not holds
+    if holds:
+        assert plan_run(job, machine, Strategy.PVT).job is job
+        return
+    with pytest.raises(SessionError) as refused:
+        plan_run(job, machine, Strategy.PVT)
+    assert [(each.code, each.limit) for each in refused.value.problems] == [("rule.force_differs", "800 N")]

@@ -1,4 +1,4 @@
-"""Identified responses on the disk: kept once each, and found again by what they hold for."""
+"""Identified responses on the disk: kept once each, to the last bit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.identified import load, newest, store
+from console.session.identified import load, store
 from drivers.cutting.plan import Strategy
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_table, from_table
 from profiles.problem import ProfileError
@@ -42,15 +42,10 @@ RESPONSE = IdentifiedResponse(
 )
 
 
-def on(date: str, origin: Origin = ORIGIN, path: Strategy = Strategy.PVT) -> IdentifiedResponse:
-    return replace(RESPONSE, date=date, origin=origin, path=path)
-
-
 def test_what_was_kept_is_found_again_to_the_last_bit(tmp_path: Path) -> None:
     file = store(tmp_path, RESPONSE)
     assert file == tmp_path / "identified" / "lee-2001-lathe" / "pvt-20011130T140500000Z.json"
     assert load(file) == RESPONSE
-    assert newest(tmp_path, ORIGIN, Strategy.PVT) == RESPONSE
 
 
 @given(
@@ -65,41 +60,12 @@ def test_any_response_survives_the_file(gain: float, phase_deg: float, name: str
     assert from_table(json.loads(json.dumps(as_table(response)))) == response
 
 
-def test_the_newest_is_taken(tmp_path: Path) -> None:
-    for day in ("29", "30", "28"):
-        store(tmp_path, on(f"2001-11-{day}T14:05:00.000Z"))
-    found = newest(tmp_path, ORIGIN, Strategy.PVT)
-    assert found is not None
-    assert found.date == "2001-11-30T14:05:00.000Z"
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        replace(ORIGIN, version="1.18"),
-        replace(ORIGIN, kind="PMAC2, X1"),
-        replace(ORIGIN, simulated=True),
-        replace(ORIGIN, servo_period_ms=0.2213541865348816),
-        replace(ORIGIN, gains={**ORIGIN.gains, "I135": 29671.0}),
-    ],
-)
-def test_what_was_measured_with_something_else_is_not_taken(tmp_path: Path, other: Origin) -> None:
-    store(tmp_path, on("2001-11-29T14:05:00.000Z"))
-    store(tmp_path, on("2001-11-30T14:05:00.000Z", other))
-    found = newest(tmp_path, ORIGIN, Strategy.PVT)
-    assert found is not None
-    assert found.origin == ORIGIN
-    assert newest(tmp_path, other, Strategy.PVT) != found
-    assert newest(tmp_path, ORIGIN, Strategy.CAM) is None
-    assert newest(tmp_path, replace(ORIGIN, machine="another"), Strategy.PVT) is None
-
-
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
-    store(tmp_path, RESPONSE)
+    file = store(tmp_path, RESPONSE)
     with pytest.raises(ProfileError) as refused:
         store(tmp_path, replace(RESPONSE, points=()))
     assert refused.value.problems[0].code == "file.exists"
-    assert newest(tmp_path, ORIGIN, Strategy.PVT) == RESPONSE
+    assert load(file) == RESPONSE
 
 
 @pytest.mark.parametrize("name", ["../../outside", "..", ".", "a/b", "lathe 2", "선반", "\x00"])
@@ -107,7 +73,7 @@ def test_a_machine_of_any_name_keeps_to_its_folder(tmp_path: Path, name: str) ->
     kept = replace(RESPONSE, origin=replace(ORIGIN, machine=name))
     file = store(tmp_path / "data", kept)
     assert file.parent.parent == tmp_path / "data" / "identified"
-    assert newest(tmp_path / "data", kept.origin, Strategy.PVT) == kept
+    assert load(file) == kept
 
 
 @pytest.mark.parametrize(
@@ -118,7 +84,7 @@ def test_a_file_that_is_none_of_ours_is_named(tmp_path: Path, content: bytes) ->
     file = store(tmp_path, RESPONSE)
     file.write_bytes(content)
     with pytest.raises(ProfileError) as refused:
-        newest(tmp_path, ORIGIN, Strategy.PVT)
+        load(file)
     (problem,) = refused.value.problems
     assert (problem.code, problem.where) == ("identify.file", str(file))
 

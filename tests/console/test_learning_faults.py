@@ -16,6 +16,7 @@ from drivers.heartbeat import Heartbeat, cut_condition
 from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
+from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.machine import SimulatedLathe
 from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
@@ -80,7 +81,7 @@ def test_who_deletes_the_gathering_ends_the_cut_with_the_tool_out(monkeypatch: p
     tip_mm = MACHINE.tool.home_radius_mm - last.tool.position / MACHINE.tool.counts_per_mm
     assert tip_mm > JOB.radius_mm + 1.0
     # The table was left in its row of zeros, and is off.
-    assert row.sim.controller.variables.get("I", 51) == 0.0
+    assert row.sim.controller.variables.get(VariableKind.I, 51) == 0.0
 
 
 def test_a_reply_that_is_lost_costs_a_batch_and_no_part(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,8 +37,11 @@ def refused(said: Any, *words: str, code: int = 1) -> None:
         ({"material": "7"}, ("material", "7")),
         ({"lobe_error_source": '"guessed"'}, ("lobe_error_source", "guessed", "measured")),
         ({"overhang_mm": "30.0\ncolour = 3"}, ("colour",)),
-        ({"chucking_force_n": "344.0"}, ("hold", "0 N")),
-        ({"spindle_speed_rpm": "3500.0", "chucking_force_n": "6500.0"}, ("3500 rpm", "3000 rpm")),
+        ({"chucking_force_n": "344.0", "lobe_force_n": "344.0"}, ("hold", "0 N")),
+        (
+            {"spindle_speed_rpm": "3500.0", "chucking_force_n": "6500.0", "lobe_force_n": "6500.0"},
+            ("3500 rpm", "3000 rpm"),
+        ),
         ({"cut_length_mm": "29.0"}, ("29 mm", "28 mm")),
     ],
 )

@@ -183,15 +183,22 @@ def test_readings_over_a_v_block(console: Console, tmp_path: Path) -> None:
     assert listed["phase_deg"] == pytest.approx(20)
     said = console(*words, "--vblock", "60", "--lobes", "3")
     assert "V-block of 60 deg" in said.out and "18.333" in said.out
+    # The default filter takes a quarter per cent of three lobes from the readings, and none from the part.
+    filtered = console("roundness", str(path), "--vblock", "60", "--lobes", "3", "--json").json
+    assert filtered["reading_pp_um"] == pytest.approx(55 * 2 ** -((3 / 50) ** 2))
+    assert filtered["lobe_pp_um"] == pytest.approx(55 / 3)
+    banded = console("roundness", str(path), "--vblock", "60", "--lobes", "3", "--band", "2:15", "--json").json
+    assert banded["lobe_pp_um"] == pytest.approx(55 / 3)
     for more, told in (
         ((), "--vblock DEG --lobes N"),
         (("--vblock", "90"), "--vblock DEG --lobes N"),
         (("--vblock", "90", "--lobes", "9"), "0.5"),
         (("--vblock", "180", "--lobes", "3"), "hides"),
         (("--vblock", "90", "--lobes", "16"), "2 - 15"),
+        (("--vblock", "60", "--lobes", "3", "--filter", "2"), "0 - 2 UPR"),
     ):
         refused = console(*words, *more)
-        assert refused.code == 1 and told in refused.err
+        assert refused.code == 1 and told in refused.err and "lobed.csv" in refused.err
     assert console("roundness", str(lobed(tmp_path, "# method: two_point"))).code == 1
 
 

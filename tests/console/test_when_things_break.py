@@ -166,7 +166,7 @@ def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
 def test_what_would_go_wrong_in_the_cut_is_refused_before_it(
     changes: dict[str, Any], code: str, strategy: Strategy
 ) -> None:
-    job: Job = replace(JOB, chucking_force_n=6500.0, **changes)
+    job: Job = replace(JOB, chucking_force_n=6500.0, lobe_force_n=6500.0, **changes)
     with pytest.raises(SessionError) as refused:
         plan_run(job, MACHINE, strategy)
     assert code in codes(refused)
@@ -184,7 +184,7 @@ def test_a_cut_of_endless_moves_is_refused_at_once(
 def test_too_fast_a_lobe_is_refused_with_the_speed_that_passes(
     job_file: Callable[..., Path], console: Callable[..., Any]
 ) -> None:
-    changes = {"jaws": "12", "chucking_force_n": "6500.0"}
+    changes = {"jaws": "12", "chucking_force_n": "6500.0", "lobe_force_n": "6500.0"}
     said = console("run", str(job_file(**changes)), "--sim")
     assert said.code == 1
     line = next(line for line in said.err.splitlines() if "1 ms" in line)

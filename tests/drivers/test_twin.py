@@ -319,14 +319,15 @@ def test_gain_and_force_may_be_off_by_a_file(machine: MachineProfile, tmp_path: 
 def test_the_lobe_may_be_what_it_is_whatever_the_job_believes(
     machine: MachineProfile, experiment: JobMaker, tmp_path: Path
 ) -> None:
-    """60 um at 1314 N, 4 deg past the jaws: a job of half the force gets half of it, though it believes in 55."""
+    """60 um at 1314 N, 4 deg past the jaws, though the job believes in 55; at half the force, of which the 230.3 N
+    that the jaws lose at 1000 rpm are a larger share, 0.394 of it."""
     path = tmp_path / "known.toml"
     path.write_text("lobe_error_um_pp = 60.0\nlobe_force_n = 1314.0\nlobe_past_jaw_deg = 4.0\n", encoding="utf-8")
     lathe = SimulatedLathe(machine, plant_named(str(path), machine, 1))
-    for job, amplitude_um in ((experiment(1), 30.0), (replace(experiment(1), chucking_force_n=657.0), 15.0)):
+    for job, amplitude_um in ((experiment(1), 30.0), (replace(experiment(1), chucking_force_n=657.0), 11.812)):
         lathe.mount(job)
         wave = np.fft.rfft(lathe.measure().deviation_um)[3] / 1800
-        assert abs(wave) == pytest.approx(amplitude_um, abs=1e-6)
+        assert abs(wave) == pytest.approx(amplitude_um, abs=1e-3)
         crest_deg = -math.degrees(cmath.phase(wave)) / 3.0
         assert math.remainder(crest_deg - job.jaw_1_deg - 4.0, 120.0) == pytest.approx(0.0, abs=1e-6)
     lathe.mount(replace(experiment(1), lobe_error_um_pp=0.0))

@@ -68,6 +68,15 @@ def test_a_single_slow_turn_leaves_no_place_uncut() -> None:
     assert np.abs(deviation(workpiece)[1]).max() < 1e-6
 
 
+def test_a_lobe_that_grows_is_larger_towards_the_jaws() -> None:
+    """5 % a mm: 0.9, 1 and 1.1 of 27.5 um at 98, 100 and 102 mm, all of it high at jaw 1."""
+    blank = Blank(radius_mm=RADIUS, lobe_um_pp=55, jaws=3, jaw_1_deg=20, growth_per_mm=0.05, middle_mm=100.0)
+    workpiece = Workpiece(blank, (98.0, 100.0, 102.0), land_mm=0.4)
+    for section, share in enumerate((0.9, 1.0, 1.1)):
+        angle, found = deviation(workpiece, section)
+        assert np.abs(found - 100 - share * 27.5 * np.cos(np.radians(3 * (angle - 20)))).max() < 1e-9
+
+
 def test_an_uncut_part_springs_back_high_at_the_jaws_from_its_blank() -> None:
     angle, found = deviation(part(lobe=55, jaw_1=20))
     wanted = 100 + 27.5 * np.cos(np.radians(3 * (angle - 20)))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe
+from profiles.chucking.diagnosis import Mechanism
 from profiles.job import Job
 from profiles.lobe_conditions import pinned
 from profiles.store import load_job
@@ -18,6 +19,7 @@ ASSUMED = load_job("lee-2001-experiment-1").job
 JOB = replace(ASSUMED, assumed=())
 ANGLE = np.arange(720) / 2.0
 INDEX = {"direction": "spindle", "start_mark": "spindle index"}
+SIMULATED = {**INDEX, "simulated": "yes", "strategy": "none"}
 
 
 def found(crest_deg: float, meta: dict[str, str], job: Job = JOB, amplitude: float = 27.5) -> FoundLobe:
@@ -71,6 +73,48 @@ def test_other_reasons_against_it() -> None:
     assert codes(found(92.0, INDEX, amplitude=0.0)) == ["lobe.not_significant"]
     filtered = found(92.0, {**INDEX, "filter_upr": "15"})
     assert [(problem.code, problem.value) for problem in filtered.warnings] == [("lobe.filtered", "2.7 %")]
+
+
+@pytest.mark.parametrize(
+    ("said", "code"),
+    [
+        ({"strategy": "none", "compensation": "none", "stage": "full"}, None),
+        ({"strategy": "cam", "compensation": "none", "stage": "full"}, "lobe.compensated"),
+        ({"compensation": "3"}, "lobe.compensated"),
+        ({"simulated": "yes", "strategy": "none"}, "lobe.simulated"),
+    ],
+)
+def test_only_an_uncompensated_part_that_somebody_cut_has_the_lobe(said: dict[str, str], code: str | None) -> None:
+    lobe = found(92.0, {**INDEX, **said})
+    assert codes(lobe) == ([code] if code else [])
+    assert lobe.fit.error_um_pp == pytest.approx(55.0, abs=0.02)
+
+
+def test_the_source_of_a_job_says_that_its_lobe_is_for_practice() -> None:
+    simulated = Trace(angle_deg=ANGLE, deviation_um=27.5 * np.cos(3 * np.radians(ANGLE)), meta=SIMULATED)
+    job = replace(JOB, source="Table 6; Fig 14")
+    practice = find_lobe(simulated, job, practice=True)
+    for _ in range(2):
+        job = with_lobe(job, practice, chuck="", tool="")
+        assert job.source == "Table 6; Fig 14; lobe of a simulated part, for practice"
+    assert with_lobe(job, found(92.0, INDEX), chuck="", tool="").source == "Table 6; Fig 14"
+
+
+@pytest.mark.parametrize(
+    ("past_deg", "wall_mm", "mechanism"),
+    [
+        (5.0, 2.5, Mechanism.SPRING_BACK),
+        (60.0, 2.5, Mechanism.WALL),
+        (30.0, 2.5, None),
+        (0.0, 26.0, Mechanism.CONTACT),
+    ],
+)
+def test_where_the_part_is_high_says_what_has_made_the_lobe(
+    past_deg: float, wall_mm: float, mechanism: Mechanism | None
+) -> None:
+    seen = found(90.0 + past_deg, INDEX, replace(JOB, wall_thickness_mm=wall_mm)).diagnosis
+    assert seen is not None and seen.mechanism is mechanism
+    assert found(90.0, INDEX, ASSUMED).diagnosis is None  # nobody knows where jaw 1 was
 
 
 def test_the_job_gets_the_lobe_with_the_conditions_of_its_cut() -> None:

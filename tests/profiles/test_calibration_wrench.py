@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import t as student_t
 
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.problem import ProfileError
@@ -19,6 +20,17 @@ def refused(torque: object, force: object) -> tuple[str, str]:
     with pytest.raises(ProfileError) as caught:
         fit_wrench(torque, force)  # type: ignore[arg-type]
     return caught.value.problems[0].code, caught.value.problems[0].key
+
+
+def test_the_line_is_surer_than_the_next_clamping_and_its_scatter_is_a_share() -> None:
+    """Through the origin at one torque T: the line is +- t s T / sqrt(sum T^2)."""
+    torque = np.array([10.0, 20.0, 20.0, 30.0, 40.0])
+    fit = fit_wrench(torque, 100.0 * torque + np.array([30.0, -20.0, 10.0, -40.0, 25.0]))
+    band = fit.line_n(20.0)
+    half = float(student_t.ppf(0.975, 4)) * fit.sd_n * 20.0 / math.sqrt(float(torque @ torque))
+    assert (band.value - band.low, band.high - band.value) == pytest.approx((half, half))
+    assert half < fit.force_n(20.0).high - band.value
+    assert fit.force_sd_percent == pytest.approx(100.0 * fit.sd_n / (25.0 * fit.slope_n_per_n_m))
 
 
 def test_a_scroll_chuck_is_a_line_through_the_origin() -> None:

@@ -1,15 +1,25 @@
 """What holds the part: VDI 3106, the wrench, and the adviser that says how hard it must and how hard it may be."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from profiles.chucking.advice import clamping_advice
-from profiles.chucking.grip import centrifugal_loss_n, least_force_n, most_loss_speed_rpm, permitted_speed_rpm
-from profiles.chucking.wrench import Wrench, force_n, scroll_chuck, torque_n_m
+from profiles.chucking.grip import (
+    centrifugal_loss_n,
+    cut_grip_n,
+    least_force_n,
+    most_loss_speed_rpm,
+    permitted_speed_rpm,
+)
+from profiles.chucking.wrench import Wrench, torque_n_m
+from profiles.cutting import cutting_force
 from profiles.job import Job
+from profiles.materials import material_named
 from profiles.problem import ProfileError
-from profiles.rules import Severity, check, refusals
+from profiles.rules import Severity, check, lobe_um_per_n, refusals
 from profiles.store import load_job, load_machine
 
 JOB = load_job("lee-2001-experiment-1").job
@@ -44,17 +54,13 @@ def test_least_force_and_permitted_speed() -> None:
     assert permitted_speed_rpm(100, 200, HEAVY_KG_M, 1.5) == 0
 
 
-def test_a_torque_is_a_force_with_its_spread_and_back() -> None:
-    scroll = scroll_chuck(lead_mm=8, gear_ratio=4, efficiency=0.12)
-    assert force_n(scroll, 50.0)[0] == pytest.approx(18850, abs=1)
-    fitted = Wrench(force_per_torque_n_per_n_m=60.0, offset_n=-120.0, sd_share=0.05)
-    assert force_n(fitted, 24.0) == pytest.approx((1320.0, 66.0))
+def test_a_force_is_a_torque_above_what_there_is_without_any() -> None:
+    """24 N m x 60 N/(N m) - 120 N = 1320 N."""
+    fitted = Wrench(force_per_torque_n_per_n_m=60.0, offset_n=-120.0)
     assert torque_n_m(fitted, 1320.0) == pytest.approx(24.0)
-    for torque in (2.0, float("nan")):
-        with pytest.raises(ProfileError, match="torque_n_m"):
-            force_n(fitted, torque)
-    with pytest.raises(ProfileError, match="chucking_force_n"):
-        torque_n_m(fitted, 0.0)
+    for wrench, force in ((fitted, 0.0), (replace(fitted, offset_n=500.0), 500.0)):
+        with pytest.raises(ProfileError, match="chucking_force_n"):
+            torque_n_m(wrench, force)
 
 
 def test_the_advised_least_force_is_where_the_rule_begins_to_hold() -> None:
@@ -87,8 +93,39 @@ def test_a_soft_ring_and_heavy_jaws_leave_no_force_that_will_do() -> None:
     assert advice.at_speed_n == pytest.approx(3000 - 1579.1, abs=0.1)
 
 
+def test_a_plain_cut_is_within_the_tolerance_at_the_force_of_its_limit() -> None:
+    """The lobe goes with what is left of the force: 55 um at 1314 - 230.3 N, so 5 um at 98.5 N; 230.3 are lost."""
+    assert JOB.roundness_tolerance_um == 5.0
+    assert clamping_advice(JOB, LATHE).limits_n["uncompensated"] == pytest.approx(328.8, abs=0.05)
+
+
+def test_the_lobe_for_a_newton_is_of_the_speed_at_which_it_was_found() -> None:
+    """55 um held by 1314 N less the 57.6 N that 500 rpm take; the job itself turns at 1000."""
+    found = replace(JOB, lobe_spindle_speed_rpm=500.0)
+    assert lobe_um_per_n(found, LATHE) == pytest.approx(55.0 / (1314.0 - 230.29 / 4), rel=1e-5)
+
+
+@pytest.mark.parametrize(("jaws", "overhang_mm"), [(3, 0.0), (3, 30.0), (6, 40.0)])
+def test_the_lever_of_the_overhang_empties_a_jaw_edge(jaws: int, overhang_mm: float) -> None:
+    """Equal springs at the front and the back edge of each jaw: none may be pulled by more than it is pressed."""
+    cut, jaw_length_mm = cutting_force(material_named("Al"), 0.1, 0.05), 40.0
+    at = 2 * np.pi * np.arange(jaws) / jaws
+    towards = np.column_stack([np.cos(at), np.sin(at)])
+    pressed = np.array([math.hypot(cut.main_n, cut.passive_n), 0.0])
+    front, back = pressed * (1 + overhang_mm / jaw_length_mm), -pressed * overhang_mm / jaw_length_mm
+    most_n = max(np.abs(towards @ np.linalg.solve(towards.T @ towards, load)).max() for load in (front, back))
+    lifting_n = cut_grip_n(cut, friction=1e12, overhang_mm=overhang_mm, jaw_length_mm=jaw_length_mm)
+    assert lifting_n == pytest.approx(2 * jaws * most_n)
+
+
 def test_the_torque_comes_from_the_machines_own_wrench_or_not_at_all() -> None:
     assert clamping_advice(JOB, LATHE).torque_n_m == pytest.approx(1314 / 377)
+    # The force that there is without any torque needs none: (1314 - 114) / 377.
+    preloaded = replace(LATHE, chuck=replace(LATHE.chuck, force_offset_n=114.0))
+    assert clamping_advice(JOB, preloaded).torque_n_m == pytest.approx(1200 / 377)
+    hard = clamping_advice(JOB, replace(LATHE, chuck=replace(LATHE.chuck, force_offset_n=1000.0)))
+    assert hard.minimum_n < 1000.0
+    assert hard.torque_span_n_m is not None and hard.torque_span_n_m[0] == 0.0
     unknown = replace(LATHE, chuck=replace(LATHE.chuck, force_per_torque_n_per_n_m=None))
     assert clamping_advice(JOB, unknown).torque_n_m is None
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from profiles.lobe_conditions import force_as_found, lobe_differences, pinned
+from profiles.lobe_conditions import FORCE_SHARE, force_as_found, lobe_differences, pinned
+from profiles.prediction import predict
 from profiles.rules import Severity, check
 from profiles.store import load_job, load_machine
 
@@ -23,7 +24,9 @@ LATHE = load_machine("lee-2001-lathe").machine
         ({"spindle_speed_rpm": 979.0}, "spindle_speed_rpm"),
         ({"overhang_mm": 30.1}, None),
         ({"overhang_mm": 29.89}, "overhang_mm"),
-        ({"wall_thickness_mm": 2.61}, "wall_thickness_mm"),
+        ({"wall_thickness_mm": 2.5375}, None),
+        ({"wall_thickness_mm": 2.54}, "wall_thickness_mm"),
+        ({"wall_thickness_mm": 2.46}, "wall_thickness_mm"),
         ({"diameter_mm": 53.0}, "diameter_mm"),
         ({"lobe_chuck": "collet"}, "chuck.name"),
         ({"lobe_chuck": "scroll 160", "lobe_tool": "CCMT"}, None),
@@ -40,6 +43,15 @@ def test_what_differs_from_the_calibration_cut(change: dict[str, Any], key: str 
 @pytest.mark.parametrize(("force_n", "same"), [(1379.0, True), (1380.0, False), (1249.0, True), (1248.0, False)])
 def test_the_force_may_be_five_percent_off(force_n: float, same: bool) -> None:
     assert force_as_found(replace(JOB, chucking_force_n=force_n)) is same
+
+
+def test_a_wall_within_its_limit_changes_the_lobe_by_no_more_than_the_force() -> None:
+    """By the model of a clamped ring, 0.1 mm in front of the jaws; p-p ~ R^3 / t^3."""
+    ring = replace(JOB, overhang_mm=0.1, cut_length_mm=0.1, spindle_speed_rpm=1.0)
+    limits = [replace(ring, wall_thickness_mm=wall_mm) for wall_mm in (2.5375, 2.4625)]
+    for job in (*limits, replace(ring, diameter_mm=52.1)):
+        changed = predict(job, LATHE).cut.spring_back_um_pp / predict(ring, LATHE).cut.spring_back_um_pp
+        assert abs(changed - 1.0) < FORCE_SHARE
 
 
 def test_a_difference_is_a_warning_of_the_job() -> None:

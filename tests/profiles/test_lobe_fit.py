@@ -138,6 +138,12 @@ def test_a_wave_that_was_not_declared_is_named() -> None:
     assert declared.left_um == pytest.approx(0.0, abs=1e-9)
 
 
+def test_the_rounding_of_a_trace_without_noise_is_no_wave() -> None:
+    angle = turn(360)
+    fit = fit_lobe(angle, wave(angle, 3, 27.5, 20.0) + wave(angle, 1, 12.0, 5.0), 3)
+    assert [each.n for each in fit.waves if each.significant] == [1, 3]
+
+
 def test_nothing_has_no_crest() -> None:
     lobe = fit_lobe(turn(90), np.zeros(90), 3).lobe
     assert (lobe.amplitude_um, lobe.ci_deg, lobe.significant) == (0.0, 60.0, False)

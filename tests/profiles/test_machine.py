@@ -55,6 +55,21 @@ def test_settings_follow_from_the_machine() -> None:
     assert variables["I111"] / 16 * tool.count_um == 150
 
 
+def test_a_force_without_torque_needs_what_a_torque_adds() -> None:
+    def preloaded(table: dict[str, Any]) -> None:
+        table["chuck"]["force_offset_n"] = 120.0
+        del table["chuck"]["force_per_torque_n_per_n_m"]
+
+    assert changed(preloaded) == [("key.missing", "chuck.force_per_torque_n_per_n_m")]
+
+
+@pytest.mark.parametrize("name", ["lee-2001-lathe", "turbo-ethernet-lathe"])
+def test_a_bundled_machine_says_which_chuck_and_tool_it_has_and_that_nobody_told(name: str) -> None:
+    machine = load_machine(name).machine
+    assert machine.chuck.name and machine.tool.name
+    assert {"chuck.name", "tool.name"} <= set(machine.assumed)
+
+
 def test_settings_are_read_only() -> None:
     with pytest.raises(TypeError):
         LATHE.controller.variables["I111"] = 0  # type: ignore[index]

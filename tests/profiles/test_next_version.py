@@ -39,14 +39,20 @@ def nominal(n: int) -> complex:
 MODEL = CutPath(wanted=wanted_path(JOB), command=invert(wanted_path(JOB), nominal))
 
 
-def part(waves: Mapping[int, complex], noise_um: float = 0.0, seed: int = 1, **meta: str) -> PartWaves:
+def part(
+    waves: Mapping[int, complex],
+    noise_um: float = 0.0,
+    seed: int = 1,
+    meta: Mapping[str, str] | None = None,
+    extra: tuple[int, ...] = (),
+) -> PartWaves:
     """A part with these waves in spindle angle, measured from the index."""
     angle = np.arange(360.0)
     deviation = np.random.default_rng(seed).normal(0.0, noise_um, 360) if noise_um else np.zeros(360)
     for n, c in waves.items():
         deviation = deviation + np.real(c * np.exp(1j * n * np.radians(angle)))
-    trace = Trace(angle_deg=angle, deviation_um=deviation, meta={**INDEX, **meta})
-    return part_waves(trace, JOB, filter_upr=50.0)
+    trace = Trace(angle_deg=angle, deviation_um=deviation, meta={**INDEX, **(meta or {})})
+    return part_waves(trace, JOB, filter_upr=50.0, extra=extra)
 
 
 def left(
@@ -58,7 +64,14 @@ def left(
     return {n: wants.get(n, 0j) - made.get(n, 0j) for n in {*made, *wants}}
 
 
-def taught(cut: CutWith, measured: PartWaves, *, gain: float | None = None, scatter_um: float = 0.0) -> Lesson:
+def taught(
+    cut: CutWith,
+    measured: PartWaves,
+    *,
+    gain: float | None = None,
+    scatter_um: float = 0.0,
+    orders: tuple[int, ...] = (3, 6, 9),
+) -> Lesson:
     number = 1 if cut.version is None else cut.version.version + 1
     return next_version(
         cut,
@@ -67,7 +80,7 @@ def taught(cut: CutWith, measured: PartWaves, *, gain: float | None = None, scat
         JOB,
         number=number,
         gain=gain,
-        orders=(3, 6, 9),
+        orders=orders,
         response=nominal,
         scatter_um=scatter_um,
         date="2001-11-30T14:05:00Z",
@@ -179,10 +192,38 @@ def test_a_part_without_a_place_on_the_spindle_teaches_nothing() -> None:
         ({"start_mark": "jaw 1"}, "learned.jaw_assumed"),
         ({"state": "clamped"}, "lobe.not_free"),
     ):
-        lesson = taught(cut, part({3: 3.0 + 0j}, 0.01, 1, **meta))
+        lesson = taught(cut, part({3: 3.0 + 0j}, 0.01, meta=meta))
         assert code in [problem.code for problem in lesson.reasons]
     with pytest.raises(ProfileError, match=r"learned\.gain"):
         taught(cut, part({3: 3.0 + 0j}), gain=1.5)
+
+
+def test_waves_that_are_asked_for_are_learned_beside_the_lobe() -> None:
+    """An oval and a fifth wave: what the second part keeps of them is what the axis makes too little of."""
+    true, odd = 0.9 + 0j, {2: 2.0 - 1j, 5: 1.5j}
+    orders, cut = (2, 3, 5, 6, 9), CutWith(path=MODEL, share=1.0, version=None)
+    waves = left(cut.path, 1.0, true, odd)
+    lesson = taught(cut, part(waves, noise_um=1e-6, extra=(5,)), orders=orders)
+    assert {2, 3, 5} <= set(lesson.learned)
+    again = left(lesson.next.path, 1.0, true, odd)
+    for n, c in odd.items():
+        assert again[n] == pytest.approx(0.1 * c, abs=1e-5)
+    assert 5 not in part(waves, noise_um=1e-6).coefficients_um
+
+
+def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow() -> None:
+    """Peak to peak is twice an amplitude, whose variance has the trace and the clamping of either part in it."""
+    cut = CutWith(path=MODEL, share=1.0, version=None)
+    measured = part({3: 3.0 + 0j}, noise_um=1.0)
+    trace_sd_um = 1.0 * math.sqrt(2 / 360)
+    for scatter_um in (0.0, 0.4):
+        lesson = taught(cut, measured, scatter_um=scatter_um)
+        sd_um = math.sqrt(trace_sd_um**2 + 2.0 * scatter_um**2)
+        assert lesson.expected_half_width_um_pp == pytest.approx(2.0 * 2.45 * sd_um, rel=0.1)
+        # By the job's own lobe, from 27.5 um to 3: T'/T shares the same doubt.
+        assert lesson.contraction is not None
+        noise_um = math.sqrt(measured.sd_um[3] ** 2 + 2.0 * scatter_um**2)
+        assert lesson.contraction.half_width == pytest.approx(2.45 * noise_um / 27.5, rel=1e-6)
 
 
 def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> None:

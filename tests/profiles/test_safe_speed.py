@@ -33,7 +33,9 @@ def test_the_chuck_holds_the_part_up_to_its_limits() -> None:
 
 
 def test_the_response_ends_where_the_command_would_be_eight_times_the_motion() -> None:
-    frequency_hz = 3 * speed_limits_rpm(JOB, MACHINE, MODEL, AXIS)["response"] / 60
+    limits = speed_limits_rpm(JOB, MACHINE, MODEL, AXIS)
+    assert limits["response"] == pytest.approx(limits["loop"]) == pytest.approx(8233, abs=1)
+    frequency_hz = 3 * limits["response"] / 60
     assert abs(complex(sampled_response(MACHINE, frequency_hz))) == pytest.approx(1 / 8)
 
 

@@ -14,7 +14,6 @@ from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.servo import (
     drive_need,
-    eq9_closed_loop,
     eq9_response,
     eq9_summary,
     following_error_um,
@@ -60,11 +59,6 @@ def test_eq_9_in_figures() -> None:
     assert summary.crossover_hz == pytest.approx(52.77, abs=0.01)
     assert summary.phase_margin_deg == pytest.approx(87.2, abs=0.05)
     assert math.isinf(summary.gain_margin)
-
-
-def test_eq_9_poles() -> None:
-    poles = sorted(eq9_closed_loop(LATHE).poles().real)
-    assert poles == pytest.approx([-308.7577, -62.6681, -0.219758], rel=1e-4)
 
 
 def test_the_coil_alone_gives_the_bandwidth_that_the_paper_claims() -> None:

@@ -52,6 +52,9 @@ PLANT_FIELDS = (
     Field(key="lobe_error_um_pp", table="chuck", unit="um", at_least=0.0, at_most=1000.0, optional=True),
     Field(key="lobe_force_n", table="chuck", unit="N", above=0.0, at_most=100_000.0, optional=True),
     Field(key="lobe_past_jaw_deg", table="chuck", unit="deg", at_least=-180.0, at_most=180.0, optional=True),
+    Field(
+        key="lobe_growth_percent_per_mm", table="chuck", unit="%/mm", at_least=-20.0, at_most=20.0, optional=True
+    ),
     Field(key="jaw_offset_deg", table="chuck", unit="deg", default=0.0, at_least=-360.0, at_most=360.0),
     _amount("jaw_1_harder", "chuck", "", 1.0),
     _amount("passive_force_share", "cut", "", 5.0),
@@ -116,6 +119,7 @@ def _values(name_or_path: str) -> tuple[Mapping[str, Any], str]:
 
 
 def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
+    growth_percent = values["lobe_growth_percent_per_mm"]
     return replace(
         nominal,
         moving_mass_kg=values["mass_factor"] * nominal.moving_mass_kg,
@@ -133,6 +137,7 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         lobe_um_pp=values["lobe_error_um_pp"],
         lobe_force_n=values["lobe_force_n"],
         lobe_past_jaw_deg=values["lobe_past_jaw_deg"],
+        lobe_growth_per_mm=None if growth_percent is None else growth_percent / 100.0,
         jaw_offset_deg=values["jaw_offset_deg"],
         jaw_1_harder=values["jaw_1_harder"],
         passive_share=values["passive_force_share"],

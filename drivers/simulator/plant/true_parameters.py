@@ -12,6 +12,7 @@ from random import Random
 
 from drivers.simulator.plant.jaws import Jaws
 from drivers.simulator.plant.workpiece import Blank
+from profiles.chucking.grip import centrifugal_loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 
@@ -49,10 +50,14 @@ class TrueParameters:
     `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
     is a chuck that was mounted as each job says, with jaw 1 at `jaw_offset_deg` behind the angle of the job. A
     part springs back by `lobe_factor` times what its job says, or, whatever jobs believe, `lobe_um_pp` at a
-    chucking force of `lobe_force_n` and in proportion at another; a job without a lobe has none. It is high where
-    its job says, or `lobe_past_jaw_deg` past the jaws. Jaw 1 presses by the share `jaw_1_harder` more than the
-    mean of all jaws. Each clamping has a force of its own, with a standard deviation of the share
-    `clamping_force_spread`.
+    chucking force of `lobe_force_n` (None: that of the job's own error); a job without a lobe has none. At another
+    force or speed it is in proportion to the force that holds the part at speed, which is less than at rest by the
+    centrifugal force of the jaws, each with `jaw_mass_radius_kg_m` of mass times radius. It is high where its job
+    says, or `lobe_past_jaw_deg` past the jaws. Jaw 1 presses by the share `jaw_1_harder` more than the mean of all
+    jaws. Each clamping has a force of its own, with a standard deviation of the share `clamping_force_spread`.
+
+    The lobe grows by the share `lobe_growth_per_mm` with each mm past the middle of the cut, towards the jaws;
+    None is as its job says.
 
     An `ideal_spindle` is where it is told to be; another has inertia, torque, drag and friction. Its encoder makes
     `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and `ramp_rpm_per_s` are
@@ -79,6 +84,7 @@ class TrueParameters:
     home_radius_mm: float
     jaw_face_mm: float
     jaw_outer_radius_mm: float
+    jaw_mass_radius_kg_m: float
     wiper_land_mm: float
     spindle_inertia_kg_m2: float
     spindle_peak_torque_n_m: float
@@ -105,6 +111,7 @@ class TrueParameters:
     lobe_um_pp: float | None = None
     lobe_force_n: float | None = None
     lobe_past_jaw_deg: float | None = None
+    lobe_growth_per_mm: float | None = None
     jaw_offset_deg: float = 0.0
     jaw_1_deg: float | None = None
     jaw_1_harder: float = 0.0
@@ -158,7 +165,7 @@ class TrueParameters:
     def blank(self, job: Job, force_factor: float = 1.0) -> Blank:
         """Return the blank that is clamped for a job, with `force_factor` times the force that it asks for."""
         said_deg = job.jaw_1_deg + self.jaw_offset_deg
-        lobe_um_pp = force_factor * self._lobe_um_pp(job)
+        lobe_um_pp = self._lobe_um_pp(job, force_factor * job.chucking_force_n)
         past_deg = job.lobe_past_jaw_deg if self.lobe_past_jaw_deg is None else self.lobe_past_jaw_deg
         jaws = Jaws(count=job.jaws, force_n=force_factor * job.chucking_force_n, first_harder=self.jaw_1_harder)
         return Blank(
@@ -171,12 +178,24 @@ class TrueParameters:
             oval_um=jaws.oval_share * 0.5 * lobe_um_pp,
         )
 
-    def _lobe_um_pp(self, job: Job) -> float:
-        """Return how much the part of a job springs back, peak to peak, at the force that it asks for."""
-        if self.lobe_um_pp is None or not job.lobe_error_um_pp:
-            return self.lobe_factor * job.lobe_error_um_pp
-        share = job.chucking_force_n / self.lobe_force_n if self.lobe_force_n else 1.0
-        return self.lobe_factor * self.lobe_um_pp * share
+    def _lobe_um_pp(self, job: Job, force_n: float) -> float:
+        """Return how much the part of a job springs back, peak to peak, clamped at rest with `force_n` in all."""
+        found_um_pp, found_n = job.lobe_error_um_pp, job.error_force_n
+        if self.lobe_um_pp is not None and job.lobe_error_um_pp:
+            found_um_pp, found_n = self.lobe_um_pp, self.lobe_force_n or job.error_force_n
+        found_rpm = job.lobe_spindle_speed_rpm or job.spindle_speed_rpm
+        then_n = self._held_n(job.jaws, found_n, found_rpm)
+        now_n = self._held_n(job.jaws, force_n, job.spindle_speed_rpm)
+        return self.lobe_factor * found_um_pp * _share(now_n, then_n)
+
+    def _held_n(self, jaws: int, force_n: float, spindle_speed_rpm: float) -> float:
+        """Return what is left of a chucking force at speed, N over all jaws; below 0 nothing holds the part."""
+        return force_n - centrifugal_loss_n(jaws * self.jaw_mass_radius_kg_m, spindle_speed_rpm)
+
+    def growth_per_mm(self, job: Job) -> float:
+        """Return by which share of itself the lobe of a job grows with each mm towards the jaws."""
+        said = (job.lobe_growth_percent_per_mm or 0.0) / 100.0
+        return said if self.lobe_growth_per_mm is None else self.lobe_growth_per_mm
 
     def force_factor(self, random: Random) -> float:
         """Draw the force of a clamping, a share of what was asked for: its logarithm is normal, it is never 0."""
@@ -195,6 +214,7 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         jaw_face_mm=machine.carriage.jaw_face_mm,
         # The centre of mass of a jaw is taken for its middle, and its inner end for the spindle axis.
         jaw_outer_radius_mm=2.0 * machine.chuck.jaw_radius_mm,
+        jaw_mass_radius_kg_m=machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000.0,
         wiper_land_mm=tool.wiper_land_mm,
         spindle_inertia_kg_m2=spindle.inertia_kg_m2,
         spindle_peak_torque_n_m=spindle.peak_torque_n_m,
@@ -202,6 +222,16 @@ def ideal(machine: MachineProfile) -> TrueParameters:
         slip_rpm=spindle.slip_rpm or 0.0,
         ramp_rpm_per_s=spindle.ramp_rpm_per_s or 0.0,
     )
+
+
+def _share(now_n: float, then_n: float) -> float:
+    """Return how the lobe goes with the force that holds a part; what is held as it was found is exactly as found.
+
+    A part that nothing holds is not bent: 0, and so it is where the error is said to be of a part like that.
+    """
+    if now_n == then_n:
+        return 1.0
+    return max(now_n, 0.0) / then_n if then_n > 0.0 else 0.0
 
 
 def _iron_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:

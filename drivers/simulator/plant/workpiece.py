@@ -43,7 +43,8 @@ class Blank:
 
     `lobe_um_pp` is the spring-back of the free part, high at the jaws or `lobe_past_jaw_deg` past them, and
     `jaw_1_deg` the spindle angle of jaw 1. Unequal jaws add `oval_um` twice a turn and `shift_um` once, both
-    amplitudes that are highest at jaw 1.
+    amplitudes that are highest at jaw 1. All of it is that at the Z `middle_mm`; the lobe grows by the share
+    `growth_per_mm` with each mm from there towards the jaws.
     """
 
     radius_mm: float
@@ -53,11 +54,16 @@ class Blank:
     lobe_past_jaw_deg: float = 0.0
     shift_um: float = 0.0
     oval_um: float = 0.0
+    growth_per_mm: float = 0.0
+    middle_mm: float = 0.0
 
-    def spring_back_um(self, angle_deg: Floats) -> Floats:
-        """Return how much further out the released surface is than the clamped one."""
+    def spring_back_um(self, angle_deg: Floats, z_mm: float) -> Floats:
+        """Return how much further out the released surface is than the clamped one, at a Z of the machine."""
         past_jaw = np.radians(angle_deg - self.jaw_1_deg)
-        lobe = 0.5 * self.lobe_um_pp * np.cos(self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg)))
+        grown = 1.0 + self.growth_per_mm * (z_mm - self.middle_mm)
+        lobe = (
+            grown * 0.5 * self.lobe_um_pp * np.cos(self.jaws * (past_jaw - math.radians(self.lobe_past_jaw_deg)))
+        )
         uneven = self.oval_um * np.cos(2.0 * past_jaw) + self.shift_um * np.cos(past_jaw)
         return np.asarray(lobe + uneven, dtype=np.float64)
 
@@ -87,7 +93,8 @@ class Workpiece:
     def released_um(self, section: int, nominal_radius_mm: float) -> tuple[Floats, Floats]:
         """Return angles (deg, from the spindle index) and deviations (um, outward) of a section when free."""
         angle_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
-        return angle_deg, self.clamped_um(section, nominal_radius_mm) + self.blank.spring_back_um(angle_deg)
+        spring_back_um = self.blank.spring_back_um(angle_deg, self._sections_mm[section])
+        return angle_deg, self.clamped_um(section, nominal_radius_mm) + spring_back_um
 
     def clamped_um(self, section: int, nominal_radius_mm: float) -> Floats:
         """Return the deviations (um, outward) of a section while it is clamped, from the spindle index on."""
