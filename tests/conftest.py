@@ -17,6 +17,25 @@ settings.register_profile("steady", EXPLORE, derandomize=True, database=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 
+SYSTEM_UNTIL = 0.8
+"""Share of the rest behind which no test at a real terminal begins: a long one must not be the last."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Real terminals first: they mostly wait, beside each other, and the rest fills up what they leave."""
-    items.sort(key=lambda item: item.get_closest_marker("system") is None)
+    """Spread the tests at real terminals, which mostly wait, among those that calculate.
+
+    Those that share what their file has started stay together, and come first.
+    """
+    waiting = [item for item in items if item.get_closest_marker("system") is not None]
+    together = [item for item in waiting if _shares(item)]
+    alone = [item for item in waiting if not _shares(item)]
+    busy = [item for item in items if item.get_closest_marker("system") is None]
+    places = [(SYSTEM_UNTIL * (i + 0.5) / len(alone), item) for i, item in enumerate(alone)]
+    places += [((i + 0.5) / len(busy), item) for i, item in enumerate(busy)]
+    items[:] = [*together, *(item for _, item in sorted(places, key=lambda place: place[0]))]
+
+
+def _shares(item: pytest.Item) -> bool:
+    """Whether a test uses something that lives as long as its file."""
+    info = getattr(item, "_fixtureinfo", None)
+    return info is not None and any(found[-1].scope == "module" for found in info.name2fixturedefs.values())
