@@ -3,7 +3,7 @@
 The baseline is the floor of the same lathe: a part without lobed error. Each row is one job on one kind of lathe;
 `first` and `third` are RONt (LSC, 50 UPR, free) in um as median and worst, `3/rev` is that of the third part, peak
 to peak, and `kept` says how many seeds keep to what a real machine may be promised (see `promised`). With a wrench
-that scatters nothing that was learned holds for the next clamping: a force that is 5 % off leaves 2.75 um of 55.
+that scatters nothing that was learned holds for the next clamping: a force that is 5 % off leaves 3.3 um of 55.
 
     python -m benchmarks.learning [seeds]
 """

@@ -163,6 +163,8 @@ def test_four_clients_ask_at_once_and_each_gets_its_own_replies(served: Served) 
                 if reply != b"%d\r%d\r\x06" % (value, number):
                     wrong.append(reply)
 
+    with connected(served.ethernet) as board:
+        ask(board, b"I6=1 I3=2")  # of the card, whatever it was before
     threads = [threading.Thread(target=poll, args=(number,)) for number in range(1, 5)]
     for thread in threads:
         thread.start()
