@@ -27,6 +27,8 @@ PARTS = 3
 JOBS = ("lee-2001-experiment-1", "lee-2001-experiment-2")
 
 OFF = """\
+schema = 1
+source = "realistic, with a weak amplifier and a wrench that pulled harder"
 [tool]
 mass_factor = 1.05
 thrust_factor = 0.9
@@ -107,7 +109,7 @@ def main() -> None:
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
     with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor() as pool:
         off = Path(folder) / "off.toml"
-        off.write_text(f'schema = 1\nsource = "realistic, gain and force off"\n{OFF}', encoding="utf-8")
+        off.write_text(OFF, encoding="utf-8")
         kinds = (
             Kind(name="realistic", words=("--plant", "realistic"), first_um=5.0),
             Kind(name="gain 10 %, force 5 % off", words=("--plant", str(off)), first_um=6.0),

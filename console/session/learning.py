@@ -23,15 +23,13 @@ from drivers.identification.nominal import nominal_response
 from profiles.compensation import CutPath, wanted_path
 from profiles.job import Job
 from profiles.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part
+from profiles.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.traces import Trace
 
 AIR_PASSES = 3
 AIR_TURNS = 30
-
-FIRST_PART_GAIN, PART_GAIN = 1.0, 0.7
-"""Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
 
 OVERTONES = (2, 3)
 """Multiples of the lobe that are learned beside it."""
@@ -177,7 +175,7 @@ class _Learner:
         watch.refuse_failed()
         trace = _measured(outcome.trace)
         off, trim_um = watch.in_the_middle()
-        gain = FIRST_PART_GAIN if number == 1 else PART_GAIN
+        gain = FIRST_GAIN if number == 1 else LATER_GAIN
         made = LearnedPart(
             roundness=evaluated(trace),
             figures=outcome.figures,

@@ -13,35 +13,9 @@ from typing import Any
 
 import pytest
 
+from benchmarks.learning import OFF, lobe_um_pp
+
 Console = Callable[..., Any]
-
-PLANT = """\
-schema = 1
-source = "realistic, with a weak amplifier and a wrench that pulled harder"
-[tool]
-mass_factor = 1.05
-thrust_factor = 0.9
-coulomb_friction_n = 3.0
-current_lag_ms = 0.2
-encoder_noise_um = 0.3
-[spindle]
-speed_ripple_percent = 0.2
-radial_error_um_pp = 1.2
-[chuck]
-lobe_factor = 1.05
-[cut]
-passive_force_share = 0.4
-edge_force_n_per_mm = 7.0
-[gauge]
-eccentricity_um = 5.0
-noise_um = 0.05
-"""
-
-
-def lobe_um_pp(part: dict[str, Any]) -> float:
-    """What comes three times a turn, peak to peak."""
-    return 2.0 * next(float(h["amplitude_um"]) for h in part["harmonics"] if h["n"] == 3)
-
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -84,7 +58,7 @@ def test_a_gain_that_is_wrong_by_a_tenth_is_learned_in_air(
     console: Console, close: tuple[str, str], tmp_path: Path
 ) -> None:
     plant = tmp_path / "weak.toml"
-    plant.write_text(PLANT, encoding="utf-8")
+    plant.write_text(OFF, encoding="utf-8")
     words = (*close, "--sim", "--plant", str(plant), "--seed", "5", "--strategy", "cam", "--learn", "1", "--json")
     (first,) = console("run", "lee-2001-experiment-2", *words).json["passes"]
     assert first["RONt_um"] <= 6.0
