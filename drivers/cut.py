@@ -33,6 +33,7 @@ from drivers.pmac.programs.timebase import (
 )
 from drivers.pmac.settings import settings_with
 from profiles.compensation import CutPath, LobedPath, invert, wanted_path
+from profiles.friction import held_back_um
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.path_bounds import path_problems
@@ -115,14 +116,20 @@ def plan_cut(
         trimmed=trimmed,
     )
     made = _make(planning, strategy, ts_ms)
-    checked = _checked(_make(_unleased(planning), strategy, ts_ms) if lease else made, planning)
-    return _judged(planning, strategy, made, checked)
+    program = _read(made.text, planning.dialect)
+    if lease:
+        unleased = _make(_unleased(planning), strategy, ts_ms)
+        checked = _checked(unleased, _read(unleased.text, planning.dialect), planning)
+    else:
+        checked = _checked(made, program, planning)
+    return _judged(planning, strategy, made, program, checked)
 
 
-def _judged(planning: _Planning, strategy: Strategy, made: _Made, checked: CheckedProgram) -> CutPlan:
+def _judged(
+    planning: _Planning, strategy: Strategy, made: _Made, program: ProgramText, checked: CheckedProgram
+) -> CutPlan:
     """Return the plan with everything that is found against it."""
     job, machine = planning.job, planning.machine
-    program = _read(made.text, planning.dialect)
     loop = steady_moves(program, checked, machine)
     rpm = speed_rpm(loop, checked, machine)
     return CutPlan(
@@ -261,7 +268,7 @@ def _read(text: str, dialect: Dialect) -> ProgramText:
         raise DriverError(Problem(code="program.refused", value=str(error))) from error
 
 
-def _checked(made: _Made, planning: _Planning) -> CheckedProgram:
+def _checked(made: _Made, program: ProgramText, planning: _Planning) -> CheckedProgram:
     """Run a program through, with what is added to its motion and what turns beside it.
 
     Raises:
@@ -273,7 +280,6 @@ def _checked(made: _Made, planning: _Planning) -> CheckedProgram:
         machine.spindle.motor: setup.spindle_start,
         machine.carriage.motor: setup.carriage_start,
     }
-    program = _read(made.text, dialect)
     try:
         definitions = read_definitions(made.definitions)
         settings = settings_with(machine.controller.variables, dialect)
@@ -331,7 +337,10 @@ def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: S
     """
     turns_hz = job.spindle_speed_rpm / 60.0
     problems = path_problems(
-        path, wanted_path(job), lambda lobes: nominal_response(strategy, machine, lobes * turns_hz)
+        path,
+        wanted_path(job),
+        lambda lobes: nominal_response(strategy, machine, lobes * turns_hz),
+        lambda lobes: held_back_um(machine, job, lobes),
     )
     if problems:
         raise DriverError(*problems)

@@ -1,1 +1,43 @@
-"""The profile of the workpiece: described, distorted, compensated, measured. Numbers in, numbers out."""
+"""The profile of the workpiece: described, distorted, compensated, measured. Numbers in, numbers out.
+
+`import profiles` brings nothing with it; each of its modules is loaded when it is first named, so that
+`profiles.roundness.evaluate(...)` works in a plain script. What lies in packages of its own (`chucking`,
+`calibration`, `metrology`, `paper`, `trace_files`) is imported by its full name. What type checkers see stands in
+the stub beside this file.
+"""
+
+__all__ = [
+    "compensation",
+    "cut_error",
+    "cutting",
+    "envelope",
+    "identification",
+    "job",
+    "learning",
+    "machine",
+    "materials",
+    "next_version",
+    "prediction",
+    "problem",
+    "response",
+    "roundness",
+    "rules",
+    "safe_speed",
+    "servo",
+    "store",
+    "tool_stiffness",
+    "traces",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Return a module of this package, loaded now."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # Not by a statement: a package imports nothing by itself.
+    return getattr(__import__(f"{__name__}.{name}"), name)
+
+
+def __dir__() -> list[str]:
+    """Return its names, with the modules that are not loaded yet."""
+    return sorted({*globals(), *__all__})

@@ -45,6 +45,10 @@ class Wave:
         wave = np.cos(self.lobes * np.radians(angle - self.crest_deg))
         return np.asarray(self.amplitude_um * wave, dtype=np.float64)
 
+    def turned(self, by_deg: float) -> Wave:
+        """Return the wave so many degrees of spindle further on: at angle + by_deg it is what it was at angle."""
+        return replace(self, crest_deg=self.crest_deg + by_deg)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LobedPath:
@@ -75,6 +79,14 @@ class LobedPath:
         grown = 1.0 + self.growth_per_mm * np.asarray(past_middle_mm, dtype=np.float64)
         return np.asarray(self.mean_um + grown * waves, dtype=np.float64)
 
+    def turned(self, by_deg: float) -> LobedPath:
+        """Return the path so many degrees of spindle further on: that of a chuck which is mounted so much further.
+
+        A wave of n in a turn comes later by n times that in its own phase.
+        """
+        overtones = tuple(wave.turned(by_deg) for wave in self.overtones)
+        return replace(self, crest_deg=self.crest_deg + by_deg, overtones=overtones)
+
     def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
         """Return this path with Re(c exp(j n angle)) added for each n, and so much to its mean, in um."""
         sums = {wave.lobes: wave.coefficient for wave in self.waves}
@@ -97,6 +109,10 @@ class CutPath:
 
     wanted: LobedPath
     command: LobedPath
+
+    def turned(self, by_deg: float) -> CutPath:
+        """Return both so many degrees of spindle further on: an axis answers alike wherever the part stands."""
+        return CutPath(wanted=self.wanted.turned(by_deg), command=self.command.turned(by_deg))
 
 
 def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:

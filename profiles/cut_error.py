@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from profiles.chucking.diagnosis import Diagnosis, Mechanism, diagnose
 from profiles.chucking.held_part import HeldPart
-from profiles.job import Job
+from profiles.chucking.tube import HALF_LOBE_ANGLES
 from profiles.lobe_conditions import found_on_a_part
+from profiles.lobe_scale import LEAST_SEEN_UM, middle_mm
 
-FloatArray = NDArray[np.float64]
-
-_TURN_DEG = np.arange(360.0)
-_NO_LOBE_UM = 1e-9
+_ANGLES = 2 * (HALF_LOBE_ANGLES - 1)
+"""Over one lobe: those of `HeldPart.error_um_pp`, and their mirror images."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,10 +21,11 @@ class CutError:
     """The error of the released part `z_mm` in front of the jaws.
 
     `mechanism` makes most of it, `spring_back_um_pp` is that part alone. `amplitude_um` and `crest_deg` (spindle
-    angle, None without a lobe) are those of N waves a turn. `sd_um_pp` is what the spread of the chucking force
-    makes of it. `measured_um_pp` is the job's own error where it was found on a part, and `diagnosis` what its
-    place speaks for, where it is known how far past the jaws it stands. `matching_force_n` is the total force at
-    rest at which a part that springs back would show it; None where the diagnosis speaks against that. None else.
+    angle, None below `LEAST_SEEN_UM`) are those of N waves a turn. `sd_um_pp` is what the spread of the chucking
+    force makes of it. `measured_um_pp` is the job's own error where it was found on a part, and `diagnosis` what
+    its place speaks for, where it is known how far past the jaws it stands. `matching_force_n` is the total
+    force at rest at which a part that springs back would show it; None where the diagnosis speaks against that.
+    None else.
     """
 
     z_mm: float
@@ -44,12 +43,13 @@ class CutError:
 def cut_error(part: HeldPart, loss_n: float) -> CutError:
     """Return the error in the middle of the cut; `loss_n` is the total force that rotation has taken."""
     job, jaws = part.job, part.job.jaws
-    parts = part.error_parts_um(_TURN_DEG, np.array([middle_mm(job)]))
+    lobe_deg = np.linspace(0.0, 360.0 / jaws, _ANGLES, endpoint=False)
+    parts = part.error_parts_um(lobe_deg, np.array([middle_mm(job)]))
     turn = np.sum(list(parts.values()), axis=0)[0]
     um_pp = float(np.ptp(turn))
     sprung = parts.get(Mechanism.SPRING_BACK)
     sprung_um = 0.0 if sprung is None else float(np.ptp(sprung))
-    wave = complex(2 / _TURN_DEG.size * np.sum(turn * np.exp(-1j * jaws * np.radians(_TURN_DEG))))
+    wave = complex(2 / _ANGLES * np.sum(turn * np.exp(-1j * jaws * np.radians(lobe_deg))))
     crest_deg = job.jaw_1_deg - float(np.degrees(np.angle(wave))) / jaws
     largest = max(parts, key=lambda which: float(np.ptp(parts[which])))
     at_speed_n = part.per_jaw_n * jaws
@@ -66,11 +66,25 @@ def cut_error(part: HeldPart, loss_n: float) -> CutError:
         mechanism=largest,
         spring_back_um_pp=sprung_um,
         amplitude_um=abs(wave),
-        crest_deg=crest_deg if abs(wave) > _NO_LOBE_UM else None,
+        crest_deg=crest_deg if um_pp >= LEAST_SEEN_UM else None,
         sd_um_pp=sprung_um * part.holding.force_sd_share * job.chucking_force_n / at_speed_n,
         measured_um_pp=measured,
         diagnosis=seen,
         matching_force_n=matching,
+    )
+
+
+def scaled_cut(cut: CutError, factor: float, crest_deg: float) -> CutError:
+    """Return the error as high as the lobe that was found, and where that stands; no force belongs to it."""
+    um_pp = factor * cut.um_pp
+    return replace(
+        cut,
+        um_pp=um_pp,
+        spring_back_um_pp=factor * cut.spring_back_um_pp,
+        amplitude_um=factor * cut.amplitude_um,
+        crest_deg=crest_deg if um_pp >= LEAST_SEEN_UM else None,
+        sd_um_pp=factor * cut.sd_um_pp,
+        matching_force_n=None,
     )
 
 
@@ -81,8 +95,3 @@ def _diagnosis(part: HeldPart) -> Diagnosis | None:
         if past_deg is None
         else diagnose(crest_deg=past_deg, jaw_1_deg=0.0, jaws=part.job.jaws, thin=part.thin)
     )
-
-
-def middle_mm(job: Job) -> float:
-    """Return the middle of the cut, in mm from the jaw faces."""
-    return job.overhang_mm - job.cut_length_mm / 2

@@ -9,12 +9,11 @@ from profiles.chucking.ring import THIN_WALL
 from profiles.cutting import (
     Copying,
     CuttingForce,
-    chatter_limit_mm,
     copying,
     nearest_mode,
-    radial_cutting_stiffness_n_per_mm2,
 )
 from profiles.machine import MachineProfile
+from profiles.one_pass import width_without_chatter_mm
 from profiles.problem import Problem
 from profiles.rules import Finding, Severity
 from profiles.tool_stiffness import tool_compliance_um_per_n
@@ -46,29 +45,24 @@ def cutting_process(part: HeldPart, machine: MachineProfile, error_um_pp: float)
     cut_n_per_um = force.passive_n / (1000 * job.depth_of_cut_mm)
     tool_um_per_n = abs(complex(tool_compliance_um_per_n(machine, job.lobe_frequency_hz)))
     lobed_n = cut_n_per_um * error_um_pp / 2
-    radial = radial_cutting_stiffness_n_per_mm2(part.material, job.feed_mm_per_rev)
     return CuttingProcess(
         force=force,
         copying=copying(cut_n_per_um, 1 / (tool_um_per_n + part.compliance_um_per_n)),
         lobed_force_n=lobed_n,
         lobed_motion_um=lobed_n * tool_um_per_n,
         work_n_per_um=part.softest_n_per_um,
-        chatter_limit_mm=chatter_limit_mm(part.softest_n_per_um, part.damping_ratio, radial),
+        chatter_limit_mm=width_without_chatter_mm(part),
     )
 
 
-def process_findings(part: HeldPart, machine: MachineProfile, process: CuttingProcess) -> tuple[Finding, ...]:
-    """Return what to mind of the process.
+def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Return what to mind of the process, beside what `profiles.rules` says of it.
 
-    - `rule.chatter_width`  (warning) a cut wider than the part bears without chatter
     - `rule.jaw_lifts`      (warning) a jaw edge that lets go of a bar under the cut
     - `rule.wall_border`    (warning) a wall within 10 % of where a ring that bends becomes a bar
     - `rule.mode_near`      (warning) one, two or three times the lobe frequency within 10 % of a mode of the part
     """
-    depth_mm, most_mm = part.job.depth_of_cut_mm, process.chatter_limit_mm
-    value, limit = f"{depth_mm:.6g} mm", f"<= {most_mm:.6g} mm"
-    width = Problem(code="rule.chatter_width", key="depth_of_cut_mm", value=value, limit=limit)
-    return (_unless(depth_mm > most_mm, width), *_lifted(part), _border(part), *_mode(part, machine))
+    return (*_lifted(part), _border(part), *_mode(part, machine))
 
 
 def _lifted(part: HeldPart) -> tuple[Finding, ...]:

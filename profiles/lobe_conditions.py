@@ -4,14 +4,15 @@ A thin ring springs back in proportion to the force that holds it at speed and t
 less the further from the jaws it is cut. So a compensation holds for the conditions of its calibration cut, within
 limits that change the lobe by no more than the next clamping does: 1.5 % of the wall are 4.5 % of the lobe, 0.1 mm
 of a diameter of 52 mm are 0.6 %, and 2 % of the speed are 1 % where a fifth of the force is lost. What the job
-does not state is not judged.
+does not state cannot be judged; where its error was found on a part, that is told.
 
-Problem code: `rule.lobe_differs`, one for each condition.
+Problem codes: `rule.lobe_differs`, one for each condition; `rule.lobe_unstated`, one for all that are missing.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from profiles.job import Job
 from profiles.problem import Problem
@@ -26,6 +27,18 @@ LENGTH_MM = 0.1
 _SHARES = (("spindle_speed_rpm", "rpm", SPEED_SHARE), ("wall_thickness_mm", "mm", WALL_SHARE))
 _LENGTHS = ("overhang_mm", "diameter_mm")
 
+CONDITIONS = {
+    "lobe_force_n": "chucking_force_n",
+    "lobe_spindle_speed_rpm": "spindle_speed_rpm",
+    "lobe_overhang_mm": "overhang_mm",
+    "lobe_wall_thickness_mm": "wall_thickness_mm",
+    "lobe_diameter_mm": "diameter_mm",
+}
+"""What a job says of its calibration cut in numbers, and the key of its own that each belongs to."""
+
+NAMES = ("lobe_chuck", "lobe_tool")
+
+_STATED_OF = {own: stated for stated, own in CONDITIONS.items()}
 _FOUND_ON_A_PART = ("measured", "fitted")
 
 
@@ -61,11 +74,43 @@ def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
     return tuple(found)
 
 
-def pinned(job: Job) -> Job:
-    """Return the job with the conditions of its calibration cut spelled out: they stay when it is edited."""
-    keys = (*(key for key, _, _ in _SHARES), *_LENGTHS)
-    stated = {f"lobe_{key}": getattr(job, f"lobe_{key}") or getattr(job, key) for key in keys}
-    return replace(job, lobe_force_n=job.error_force_n, **stated)
+def unstated(job: Job) -> tuple[str, ...]:
+    """Return the keys of the calibration cut that are missing in a job whose error was found on a part."""
+    if not found_on_a_part(job):
+        return ()
+    return tuple(key for key in (*CONDITIONS, *NAMES) if getattr(job, key) is None)
+
+
+def lobe_unstated(job: Job) -> tuple[Problem, ...]:
+    """Return `rule.lobe_unstated` where nobody can tell whether this cut is like the one that was measured."""
+    if not (missing := unstated(job)):
+        return ()
+    source = job.lobe_error_source
+    return (Problem(code="rule.lobe_unstated", key="lobe_error_source", value=source, limit=", ".join(missing)),)
+
+
+def any_stated(job: Job) -> bool:
+    """Whether the job says anything of its calibration cut, except the force."""
+    return any(getattr(job, key) is not None for key in (*CONDITIONS, *NAMES) if key != "lobe_force_n")
+
+
+def as_found(job: Job) -> Job:
+    """Return the job as it was cut when its error was found; what it does not state is its own."""
+    stated = {own: getattr(job, key) for key, own in CONDITIONS.items()}
+    return replace(job, **{own: value for own, value in stated.items() if value is not None})
+
+
+def kept_condition(saved: Job, key: str, value: Any) -> dict[str, Any]:
+    """Return what keeps the error of a job at the cut that it belongs to, when `key` of it becomes `value`.
+
+    `saved` is the job as its file has it. Where that does not state the condition it is the value in the file;
+    with that value again the condition is as little known as before.
+    """
+    stated = _STATED_OF.get(key)
+    if stated is None or getattr(saved, stated) is not None:
+        return {}
+    own = getattr(saved, key)
+    return {stated: None if value == own else own}
 
 
 def _differs(key: str, value: str, limit: str) -> Problem:

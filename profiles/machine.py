@@ -140,7 +140,8 @@ class Chuck:
     one jaw at 1000 N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total
     force for one N m at the wrench, the force that there is without any (None beside the first is 0), and how it
     scatters from clamping to clamping; the lowest mode of parts in it.
-    `name` is what the chuck is called at the lathe.
+    `name` is what the chuck is called at the lathe. `force_line_variance` is that of the line of the wrench where
+    a calibration has given it, no key of a file: of the offset (N^2), of both together, of the slope.
     """
 
     jaws: int
@@ -157,6 +158,7 @@ class Chuck:
     force_sd_percent: float | None = None
     work_mode_hz: float | None = None
     name: str = ""
+    force_line_variance: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,14 +6,16 @@ in full, because what is wrong there is large. Later each part brings noise of i
 learned path carries the share gain / (2 - gain) of its variance: 0.54 at a gain of 0.7, all of it at 1.
 
 Two parts in a row tell what the tool really makes of the path: T'/T = (r1 - r2) / (W2 - W1). An error shrinks by
-|1 - gain T'/T| with each part; from 1 on it does not. In front of the first part stands the plain cut of the job,
-where its lobe was measured: W = 0, r = the lobe.
+|1 - gain T'/T| with each part; from 1 on it does not. That is judged for every wave that is learned: an axis may
+answer well at the lobe and not at three times its frequency. In front of the first part stands the plain cut of
+the job, where its lobe was measured: W = 0, r = the lobe. Of the other waves of the part before no record is kept,
+but of what it has taught: their e is the step of the path over the gain.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -22,12 +24,16 @@ from profiles.graduated import share_of
 from profiles.job import Job
 from profiles.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
 from profiles.learning import SIGNIFICANT, Deviation, convergence, learned_part
+from profiles.learning_watch import REPEATS_SD_UM, coefficient_of
 from profiles.lobe_conditions import found_on_a_part
 from profiles.part_waves import PartWaves
 from profiles.problem import Problem, ProfileError
 
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 """Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
+
+ROUNDING_UM = 1e-6
+"""A step of a path below this is no step but the rounding of its file."""
 
 
 class Verdict(StrEnum):
@@ -42,7 +48,7 @@ class Verdict(StrEnum):
 class Contraction:
     """By how much an error shrinks with each part, 95 % sure within `half_width`.
 
-    `arrives` is T'/T: the share of the path's lobe that reaches the part, its phase that of N waves a turn.
+    `arrives` is T'/T: the share of the path's wave that reaches the part, its phase that of so many waves a turn.
     """
 
     value: float
@@ -59,11 +65,16 @@ class Contraction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutWith:
-    """What the part was cut with: the whole path, the share of it, and the version, None the model."""
+    """What the part was cut with: the whole path, the share of it, and the version, None the model.
+
+    `parent` is the path that the part before was cut with, from which the version was learned: without it nothing
+    can be told of the convergence of any wave but the lobe.
+    """
 
     path: CutPath
     share: float
     version: LearnedCompensation | None
+    parent: CutPath | None = None
 
     @property
     def number(self) -> int:
@@ -81,16 +92,22 @@ class Lesson:
     """What a part teaches: the version for the next, which waves it changes, and what the next should be like.
 
     The expected lobe is 95 % sure within the half-width, by the noise of the trace and the scatter of two
-    clampings; `expected_ront_um` is the trace without what was learned. `reasons` are why it must not be kept.
+    clampings; `expected_ront_um` is the trace without what was learned. `contractions` are those of the waves, by
+    their number in a turn, of which two parts can tell. `reasons` are why it must not be kept.
     """
 
     next: LearnedCompensation
     learned: tuple[int, ...]
-    contraction: Contraction | None
+    contractions: Mapping[int, Contraction]
     expected_lobe_um_pp: float
     expected_half_width_um_pp: float
     expected_ront_um: float
     reasons: tuple[Problem, ...]
+
+    @property
+    def contraction(self) -> Contraction | None:
+        """That of the lobe."""
+        return self.contractions.get(self.next.path.wanted.lobes)
 
 
 def next_version(
@@ -122,7 +139,7 @@ def next_version(
     wrong, tool = Deviation(coefficients_um=learned), Deviation(coefficients_um={})
     path = learned_part(cut.path, wrong, tool, response, used_gain)
     read = _read(cut, part, job.jaws)
-    contraction = _contraction(cut, read, job, used_gain, scatter_um)
+    contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
     # The next part is lower by what the tool goes deeper.
     deeper = {n: spared.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*spared, *learned}}
     return Lesson(
@@ -136,11 +153,11 @@ def next_version(
             date=date,
         ),
         learned=tuple(sorted(learned)),
-        contraction=contraction,
+        contractions=contractions,
         expected_lobe_um_pp=2.0 * abs(part.coefficients_um[job.jaws] - deeper[job.jaws]),
         expected_half_width_um_pp=2.0 * SIGNIFICANT * math.hypot(read.lobe_sd_um, scatter_um, scatter_um),
         expected_ront_um=part.ront_um(deeper),
-        reasons=(*part.reasons, *_reasons(contraction, learned, cut.version)),
+        reasons=(*part.reasons, *_reasons(contractions, job.jaws, learned, cut.version)),
     )
 
 
@@ -164,7 +181,22 @@ def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
     )
 
 
-def _contraction(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> Contraction | None:
+def _contractions(
+    cut: CutWith,
+    part: PartWaves,
+    now: PartRead,
+    job: Job,
+    gain: float,
+    scatter_um: float,
+    orders: Sequence[int],
+) -> dict[int, Contraction]:
+    """Return what the part and the one before it tell, by waves in a turn: of the lobe, and of the others."""
+    lobe = _lobe(cut, now, job, gain, scatter_um)
+    found = {} if lobe is None else {job.jaws: lobe}
+    return found | _others(cut, part, orders, gain)
+
+
+def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> Contraction | None:
     """Return what the part and the one before it tell; None where there was none, or where both had one path."""
     before = None if cut.version is None else cut.version.part
     if before is not None:
@@ -176,20 +208,54 @@ def _contraction(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um:
     changed = now.wanted.coefficient - path
     if not changed:
         return None
-    arrives = (lobe - now.lobe.coefficient) / changed
-    sd = math.hypot(sd_um, now.lobe_sd_um, scatter_um, scatter_um) / abs(changed)
+    sd_um = math.hypot(sd_um, now.lobe_sd_um, scatter_um, scatter_um)
+    return _contraction(lobe - now.lobe.coefficient, changed, sd_um, gain)
+
+
+def _others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
+    """Return what the part and the one before it tell of the waves beside the lobe, if the version has them."""
+    version, found = cut.version, {}
+    if version is None or version.part is None or cut.parent is None:
+        return {}
+    before = version.part
+    for n in orders:
+        then, now = coefficient_of(cut.parent.wanted, n), coefficient_of(cut.path.wanted, n)
+        changed = cut.share * now - before.share * then
+        if n == cut.path.wanted.lobes or min(abs(now - then), abs(changed)) < ROUNDING_UM:
+            continue
+        left = (now - then) / version.gain + (1.0 - before.share) * then
+        # A fit over whole turns is as sure of one wave as of another.
+        sd_um = math.hypot(before.lobe_sd_um, part.sd_um[n], REPEATS_SD_UM, REPEATS_SD_UM)
+        found[n] = _contraction(left - part.coefficients_um[n], changed, sd_um, gain)
+    return found
+
+
+def _contraction(less: complex, changed: complex, sd_um: float, gain: float) -> Contraction:
+    """Return what it tells that a part has so much less of a wave by so much of a change of its path, in um."""
+    arrives = less / changed
     return Contraction(
-        value=convergence(arrives, 1.0 + 0j, gain), half_width=SIGNIFICANT * gain * sd, arrives=arrives
+        value=convergence(arrives, 1.0 + 0j, gain),
+        half_width=SIGNIFICANT * gain * sd_um / abs(changed),
+        arrives=arrives,
     )
 
 
 def _reasons(
-    contraction: Contraction | None, learned: dict[int, complex], version: LearnedCompensation | None
+    contractions: Mapping[int, Contraction],
+    lobes: int,
+    learned: Mapping[int, complex],
+    version: LearnedCompensation | None,
 ) -> tuple[Problem, ...]:
-    if contraction is not None and contraction.verdict is Verdict.DIVERGES:
-        back = MODEL if version is None else version.parent
-        value = f"{contraction.value:.2f} ± {contraction.half_width:.2f}"
-        return (Problem(code="learned.diverges", key=f"--revert {back}", value=value, limit="< 1"),)
+    back = f"--revert {MODEL if version is None else version.parent}"
+    grows = {
+        n: f"{c.value:.2f} ± {c.half_width:.2f}" for n, c in contractions.items() if c.verdict is Verdict.DIVERGES
+    }
+    if lobes in grows:
+        return (Problem(code="learned.diverges", key=back, value=grows[lobes], limit="< 1"),)
     if not learned:
         return (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)
-    return ()
+    return tuple(
+        Problem(code="learned.wave_diverges", key=back, value=f"{n}/rev: {factor}", limit="< 1")
+        for n, factor in sorted(grows.items())
+        if n in learned
+    )

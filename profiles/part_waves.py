@@ -12,7 +12,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,12 @@ class PartWaves:
         for n, coefficient in (less_um or {}).items():
             left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
         return evaluate(self.angle_deg, left_um, self.filter_upr).ront_um
+
+    def turned(self, by_deg: float) -> PartWaves:
+        """Return the part as if it had stood so many degrees of spindle further on, as `LobedPath.turned`."""
+        turn = math.radians(by_deg)
+        turned = {n: c * cmath.exp(-1j * n * turn) for n, c in self.coefficients_um.items()}
+        return replace(self, coefficients_um=turned, begins_deg=self.begins_deg + by_deg)
 
 
 def part_waves(

@@ -15,39 +15,46 @@ MOST_MEAN_UM = 60.0
 """By how much the mean may be off: a soft servo under a fine cut is held back by some tens of um."""
 
 MOST_SHARE, MOST_WAVE_UM = 0.6, 10.0
-"""By how much the lobe may be off, a share of itself and so many um: friction holds a good part of a motion."""
+"""By how much the lobe may be off, a share of itself and so many um; a command also by what friction may hold."""
 
 MOST_WAVES = 50
 """Of an overtone, in a turn."""
 
 
-def path_problems(path: CutPath, job_wants: LobedPath, response: Callable[[int], complex]) -> tuple[Problem, ...]:
+def path_problems(
+    path: CutPath,
+    job_wants: LobedPath,
+    response: Callable[[int], complex],
+    friction_um: Callable[[int], float] = lambda _: 0.0,
+) -> tuple[Problem, ...]:
     """Return why a path is none of a cut that wants `job_wants`: codes `path.*`.
 
-    `response` is the nominal one from command to tool, by the waves in a turn.
+    `response` is the nominal one from command to tool, by the waves in a turn; `friction_um` by how much dry
+    friction may hold the tool back at them, an amplitude of its motion, which its command has to make up for.
     """
     shapes = (*_shape(path.wanted, job_wants), *_shape(path.command, job_wants))
     if shapes:
         return shapes
     wanted, command, lobe = path.wanted.waves[0], path.command.waves[0], job_wants.waves[0]
     most_um = MOST_SHARE * lobe.amplitude_um + MOST_WAVE_UM
-    lobes_off = {
-        "wanted": abs(wanted.coefficient - lobe.coefficient),
-        "command": abs(response(lobe.lobes) * command.coefficient - wanted.coefficient),
+    off_and_most_um = {
+        "wanted": (abs(wanted.coefficient - lobe.coefficient), most_um),
+        "command": (
+            abs(response(lobe.lobes) * command.coefficient - wanted.coefficient),
+            most_um + friction_um(lobe.lobes),
+        ),
+        "wanted mean": (abs(path.wanted.mean_um - job_wants.mean_um), MOST_MEAN_UM),
+        "command mean": (abs(path.command.mean_um - path.wanted.mean_um), MOST_MEAN_UM),
     }
-    means_off = {
-        "wanted mean": abs(path.wanted.mean_um - job_wants.mean_um),
-        "command mean": abs(path.command.mean_um - path.wanted.mean_um),
-    }
-    overtones = {f"{wave.lobes}/rev wanted": wave.amplitude_um for wave in path.wanted.overtones}
-    overtones |= {
-        f"{wave.lobes}/rev command": abs(response(wave.lobes)) * wave.amplitude_um
-        for wave in path.command.overtones
-    }
-    return (
-        *_beyond(lobes_off, most_um),
-        *_beyond(means_off, MOST_MEAN_UM),
-        *_beyond(overtones, MOST_WAVE_UM),
+    for wave in path.wanted.overtones:
+        off_and_most_um[f"{wave.lobes}/rev wanted"] = (wave.amplitude_um, MOST_WAVE_UM)
+    for wave in path.command.overtones:
+        told_um = abs(response(wave.lobes)) * wave.amplitude_um
+        off_and_most_um[f"{wave.lobes}/rev command"] = (told_um, MOST_WAVE_UM + friction_um(wave.lobes))
+    return tuple(
+        Problem(code="path.beyond", key=key, value=f"{off_um:.1f} um", limit=f"<= {limit_um:.1f} um")
+        for key, (off_um, limit_um) in off_and_most_um.items()
+        if not off_um <= limit_um
     )
 
 
@@ -66,11 +73,3 @@ def _shape(path: LobedPath, job_wants: LobedPath) -> tuple[Problem, ...]:
         value, limit = f"{100 * path.growth_per_mm:g} %/mm", f"{100 * job_wants.growth_per_mm:g} %/mm"
         return (Problem(code="path.waves", key="growth", value=value, limit=limit),)
     return ()
-
-
-def _beyond(off_um: dict[str, float], most_um: float) -> tuple[Problem, ...]:
-    return tuple(
-        Problem(code="path.beyond", key=key, value=f"{off:.1f} um", limit=f"<= {most_um:.1f} um")
-        for key, off in off_um.items()
-        if not off <= most_um
-    )

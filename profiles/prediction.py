@@ -1,5 +1,8 @@
 """What a plain cut of a job will leave: the error over angle and length, where it comes from, and what to mind.
 
+Where the job's lobe was found on a part, the shape is that of the model, and its height and place are those of the
+lobe that was found; what the model says alone stands beside it.
+
 Angles are spindle angles in degrees; `z_mm` is from the jaw faces, positive towards the free end. Deviations of
 the released part are in um, positive where it is high.
 """
@@ -13,23 +16,36 @@ from numpy.typing import ArrayLike, NDArray
 
 from profiles.chucking.advice import ClampingAdvice, clamping_advice
 from profiles.chucking.diagnosis import Mechanism
-from profiles.chucking.held_part import HeldPart
-from profiles.chucking.holding import holding_of
-from profiles.cut_error import CutError, cut_error
-from profiles.cutting import cutting_force
+from profiles.chucking.job_grip import centrifugal_loss_n
+from profiles.cut_error import CutError, cut_error, scaled_cut
 from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
 from profiles.envelope import Envelope, envelope
+from profiles.held_job import held_part
 from profiles.job import Job
+from profiles.lobe_conditions import found_on_a_part
+from profiles.lobe_scale import LobeScale, lobe_scale
 from profiles.machine import MachineProfile
-from profiles.materials import material_named
+from profiles.one_pass import lobe_change_um
 from profiles.problem import Problem, ProfileError
-from profiles.rules import Finding, Severity, centrifugal_loss_n, check, refusals
+from profiles.rules import IMPOSSIBLE, Finding, Severity, check, refusals
+
+__all__ = ["Prediction", "held_part", "predict"]
 
 FloatArray = NDArray[np.float64]
 
 Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 6
 
-_IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
+_OF_PREDICTION = (
+    "rule.force_over_chuck",
+    "rule.grip_margin",
+    "rule.grip_need",
+    "rule.grip_loss",
+    "rule.material_unknown",
+    "rule.clamp_stress",
+    "rule.clamp_scatter",
+    "rule.clamp_span",
+    "rule.chatter_width",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,17 +53,22 @@ class Prediction:
     """The prediction of one job on one machine; the arrays are read only.
 
     `error_um` has shape (Z, angle) and a mean of 0 over each turn; `parts_um` has the same for each mechanism in
-    it. `size_um` (Z,) is by how much the radius comes out too large because the part gives way. `stock_um_pp` is
-    the error in the middle of the cut when `stock_mm` has come off the radius, at the same force. `assumed` names
-    the keys of the machine that nobody gave.
+    it. `size_um` (Z,) is by how much the radius comes out too large because the part gives way. `cut` is the error
+    in its middle, `stock_um_pp` the same when `stock_mm` has come off the radius, at the same force. All of these,
+    and the lobed blank of `process`, are scaled to `scaled_to`, the lobe that was found; None where none was, or
+    where the model has no such lobe there. `model` is `cut` as the model alone has it, `model_um_pp` (Z,) its peak
+    to peak of `error_um`. `assumed` names the keys of the machine that nobody gave.
     """
 
     angle_deg: FloatArray
     z_mm: FloatArray
     error_um: FloatArray
     parts_um: dict[Mechanism, FloatArray]
+    model_um_pp: FloatArray
     size_um: FloatArray
     cut: CutError
+    model: CutError
+    scaled_to: LobeScale | None
     stock_mm: FloatArray
     stock_um_pp: FloatArray
     process: CuttingProcess
@@ -71,60 +92,56 @@ def predict(
         ProfileError: a material without numbers (`rule.material_unknown`), a Z that is not in front of the jaws
             (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that say so.
     """
-    broken = [f.problem for f in refusals(check(job, machine)) if f.problem.code in _IMPOSSIBLE]
+    of_rules = check(job, machine)
+    broken = [f.problem for f in refusals(of_rules) if f.problem.code in IMPOSSIBLE]
     if broken:
         raise ProfileError(*broken)
-    part, loss_n = held_part(job, machine), centrifugal_loss_n(job, machine)
+    part, loss_n, scale = held_part(job, machine), centrifugal_loss_n(job, machine), lobe_scale(job, machine)
+    factor = 1.0 if scale is None else scale.factor
     z = _places(job, z_mm)
     angle = _kept(np.arange(ANGLES) * (360 / ANGLES) if angle_deg is None else np.atleast_1d(angle_deg))
-    parts = {k: _kept(v) for k, v in part.error_parts_um(angle - job.jaw_1_deg, z).items()}
     stock_mm = np.linspace(0.0, job.depth_of_cut_mm, STOCK_STEPS)
     stock = [cut_error(part.turned_down(float(depth)), loss_n) for depth in stock_mm]
-    process, advice = cutting_process(part, machine, stock[0].um_pp), clamping_advice(job, machine)
-    findings = (*advice.findings, _second_pass(job, stock), *process_findings(part, machine, process))
+    from_jaw_deg = angle - job.jaw_1_deg - (0.0 if scale is None else _turned_deg(job, stock[0]))
+    bare = part.error_parts_um(from_jaw_deg, z)
+    parts = {name: _kept(factor * each) for name, each in bare.items()}
+    cut = stock[0] if scale is None else scaled_cut(stock[0], factor, job.lobe_phase_deg)
+    lobed_um_pp = job.lobe_error_um_pp if scale is None and found_on_a_part(job) else cut.um_pp
+    of_prediction = (f for f in of_rules if f.problem.code in _OF_PREDICTION)
     return Prediction(
         angle_deg=angle,
         z_mm=z,
         error_um=_kept(np.sum(list(parts.values()), axis=0)),
         parts_um=parts,
+        model_um_pp=_kept(np.ptp(np.sum(list(bare.values()), axis=0), axis=1)),
         size_um=_kept(part.size_um(z)),
-        cut=stock[0],
+        cut=cut,
+        model=stock[0],
+        scaled_to=scale,
         stock_mm=_kept(stock_mm),
-        stock_um_pp=_kept([each.um_pp for each in stock]),
-        process=process,
-        advice=advice,
+        stock_um_pp=_kept([factor * each.um_pp for each in stock]),
+        process=cutting_process(part, machine, lobed_um_pp),
+        advice=clamping_advice(job, machine),
         envelope=envelope(job, machine),
         assumed=part.holding.assumed,
-        findings=findings,
+        findings=(*of_prediction, *_second_pass(job, machine), *process_findings(part, machine)),
     )
 
 
-def held_part(job: Job, machine: MachineProfile) -> HeldPart:
-    """Return the part in the jaws at speed, under its cut.
-
-    Raises:
-        ProfileError: `rule.material_unknown`.
-    """
-    material = material_named(job.material)
-    return HeldPart(
-        job=job,
-        material=material,
-        holding=holding_of(machine),
-        force=cutting_force(material, job.depth_of_cut_mm, job.feed_mm_per_rev),
-        per_jaw_n=(job.chucking_force_n - centrifugal_loss_n(job, machine)) / job.jaws,
-    )
-
-
-def _second_pass(job: Job, stock: list[CutError]) -> Finding:
-    """`rule.second_pass`: at the same force a thinner wall springs back further, p-p ~ R^3 / t^3.
-
-    Far from the jaws, where the lobe dies away and changes its sign, it may also become smaller. A compensation of
-    the pass before is wrong by the change either way.
-    """
-    change_um, most_um = stock[-1].um_pp - stock[0].um_pp, job.roundness_tolerance_um
-    value, limit = f"{change_um:+.6g} um", f"± {most_um:.6g} um"
+def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Whether a second pass may follow with the same compensation; nothing where no lobe can be judged."""
+    change_um, most_um = lobe_change_um(job, machine), job.roundness_tolerance_um
+    if change_um is None:
+        return ()
+    value, limit = f"{change_um:+.3g} um", f"± {most_um:.6g} um"
     problem = Problem(code="rule.second_pass", key="depth_of_cut_mm", value=value, limit=limit)
-    return Finding(severity=Severity.OK if abs(change_um) <= most_um else Severity.WARNING, problem=problem)
+    severity = Severity.OK if abs(change_um) <= most_um else Severity.WARNING
+    return (Finding(severity=severity, problem=problem),)
+
+
+def _turned_deg(job: Job, model: CutError) -> float:
+    """Return how far the crest that was found stands past that of the model."""
+    return 0.0 if model.crest_deg is None else round(job.lobe_phase_deg - model.crest_deg, 6)
 
 
 def _places(job: Job, z_mm: ArrayLike | None) -> FloatArray:

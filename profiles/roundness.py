@@ -4,7 +4,8 @@ Angles are in degrees, deviations from any nominal radius in um, positive outwar
 limacon model (deviation = R + x cos + y sin), which holds while eccentricity^2 / (2 radius) is small; beyond, a
 part of known radius is taken about its own centre. Names after ISO 12181-1 (RONt, RONp, RONv, RONq; LSC: least
 squares circle, MZC: minimum zone, MCC: minimum circumscribed, MIC: maximum inscribed) and ISO 16610-21 (the
-Gaussian filter, here for a closed profile: no end effects).
+Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval) the
+place with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.sliding`.
 
 Problem codes: those of `profiles.metrology`, and `trace.unequal_angles`, `trace.eccentric`; as a warning also
 `trace.few_points`.

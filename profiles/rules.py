@@ -18,9 +18,16 @@ Codes, with what is refused:
 - `rule.material_unknown`      (warning) a material without numbers: what the cut needs of the grip counts as 0
 - `rule.clamp_stress`          (warning) a thin part that yields under the jaws
 - `rule.clamp_scatter`         (warning) a lobe that changes by more than the tolerance from clamping to clamping
+- `rule.clamp_span`            (warning) a least force above the most: none will do. Where there is a span, and the
+                               force of the job is outside, only the rule speaks whose limit it breaks
 - `rule.jaws_differ`           (warning) another number of jaws than the machine's own chuck
 - `rule.force_differs`         (warning) another chucking force than the one at which the lobe error was found
 - `rule.lobe_differs`          (warning) another speed, length, chuck or tool than the lobe error was found with
+- `rule.lobe_unstated`         (warning) an error that was found on a part, without the conditions of that cut
+- `rule.chatter_width`         (warning) a cut wider than the part bears without chatter
+
+What was found with no condition stated is compared with nothing, and gives no finding that it is the same. The
+last two need a part that can be held and cut, of a known material.
 """
 
 from __future__ import annotations
@@ -30,16 +37,25 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
-from profiles.chucking.grip import CUT_SAFETY, MOST_GRIP_LOSS, cut_grip_n
-from profiles.chucking.grip import centrifugal_loss_n as loss_n
+from profiles.chucking.advice import force_span
+from profiles.chucking.grip import MOST_GRIP_LOSS
 from profiles.chucking.holding import holding_of
+from profiles.chucking.job_grip import (
+    centrifugal_loss_n,
+    force_sd_n,
+    grip_margin_n,
+    lobe_um_per_n,
+    needed_grip_n,
+)
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
-from profiles.cutting import cutting_force
 from profiles.job import Job
-from profiles.lobe_conditions import force_as_found, lobe_differences
+from profiles.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
 from profiles.machine import MachineProfile
-from profiles.materials import Material, material_or_none, unknown_material
+from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
+
+IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
+"""What is refused because no model can say anything of it: a part that cannot be held or cut at all."""
 
 SAME_FORCE = 0.005
 """Share by which two chucking forces may differ and still be the same setting of the wrench."""
@@ -62,66 +78,27 @@ class Finding:
 
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """Return one finding for every rule, in the order of the module's list."""
+    """Return one finding for every rule that can be judged, in the order of the module's list."""
+    of_part, of_grip = _part(job, machine), _grip(job, machine)
     return (
-        *_part(job, machine),
-        *_grip(job, machine),
+        *of_part,
+        *of_grip,
         *_clamping(job, machine),
+        _clamp_span(job, machine),
         _at_most("rule.feed_over_land", "feed_mm_per_rev", job.feed_mm_per_rev, machine.tool.wiper_land_mm, "mm"),
         _tool_travel(job, machine),
         _carriage_travel(job, machine),
         *_tool_load(job, machine),
         _jaws(job, machine),
-        force_as_measured(job),
+        *(() if job.lobe_force_n is None else (force_as_measured(job),)),
         *lobe_as_found(job, machine),
+        *_chatter(job, machine, (*of_part, *of_grip)),
     )
 
 
 def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings that stop the job."""
     return tuple(finding for finding in findings if finding.severity is Severity.REFUSAL)
-
-
-def mass_radius_kg_m(job: Job, machine: MachineProfile) -> float:
-    """Return M_c, the sum of mass times radius of the jaws."""
-    return job.jaws * machine.chuck.jaw_mass_kg * machine.chuck.jaw_radius_mm / 1000
-
-
-def centrifugal_loss_n(job: Job, machine: MachineProfile) -> float:
-    """Return the chucking force that the jaws' own mass takes away at speed: F_c = sum(m r) (pi n / 30)^2."""
-    return loss_n(mass_radius_kg_m(job, machine), job.spindle_speed_rpm)
-
-
-def grip_margin_n(job: Job, machine: MachineProfile) -> float:
-    """Return the clamping force that may be counted on at speed: F_sp0 / S_sp - F_c (VDI 3106)."""
-    return job.chucking_force_n / machine.chuck.safety_factor - centrifugal_loss_n(job, machine)
-
-
-def needed_grip_n(job: Job, machine: MachineProfile) -> float:
-    """Return what the grip margin should at least be: S_z F_spz of the cut; 0 for a material without numbers."""
-    material = material_or_none(job.material)
-    return 0.0 if material is None else CUT_SAFETY * cut_grip(job, machine, material)
-
-
-def cut_grip(job: Job, machine: MachineProfile, material: Material) -> float:
-    """Return F_spz of the cut of a job, N over all jaws."""
-    holding = holding_of(machine)
-    return cut_grip_n(
-        cutting_force(material, job.depth_of_cut_mm, job.feed_mm_per_rev),
-        friction=holding.friction,
-        overhang_mm=job.overhang_mm,
-        jaw_length_mm=holding.jaw_length_mm,
-    )
-
-
-def lobe_um_per_n(job: Job, machine: MachineProfile) -> float:
-    """Return the job's own lobe for one newton of grip at speed, um p-p: E / (F_sp0 - F_c) as it was found.
-
-    0 where the jaws held nothing then.
-    """
-    found_rpm = job.lobe_spindle_speed_rpm or job.spindle_speed_rpm
-    held_n = job.error_force_n - loss_n(mass_radius_kg_m(job, machine), found_rpm)
-    return job.lobe_error_um_pp / held_n if held_n > 0 else 0.0
 
 
 def same_force(one_n: float, other_n: float) -> bool:
@@ -138,11 +115,28 @@ def force_as_measured(job: Job) -> Finding:
 
 
 def lobe_as_found(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """Return what else differs from the cut in which the lobe error was found; one finding where nothing does."""
+    """Return what else differs from the cut in which the lobe error was found, and whether anybody can tell.
+
+    One finding where all that is stated is the same; none where nothing is.
+    """
     differing = lobe_differences(job, chuck=machine.chuck.name, tool=machine.tool.name)
-    if not differing:
-        return (Finding(severity=Severity.OK, problem=Problem(code="rule.lobe_differs", key="lobe_error_um_pp")),)
-    return tuple(Finding(severity=Severity.WARNING, problem=problem) for problem in differing)
+    minded = (*differing, *lobe_unstated(job))
+    if minded:
+        return tuple(Finding(severity=Severity.WARNING, problem=problem) for problem in minded)
+    if not any_stated(job):
+        return ()
+    return (Finding(severity=Severity.OK, problem=Problem(code="rule.lobe_differs", key="lobe_error_um_pp")),)
+
+
+def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Whether a part that can be held and cut bears the width of the cut."""
+    impossible = any(finding.problem.code in IMPOSSIBLE for finding in refusals(judged))
+    if impossible or material_or_none(job.material) is None:
+        return ()
+    from profiles.one_pass import chatter_limit_mm  # loads numerics, and the first page needs none
+
+    depth_mm, most_mm = job.depth_of_cut_mm, chatter_limit_mm(job, machine)
+    return (_at_most("rule.chatter_width", "depth_of_cut_mm", depth_mm, most_mm, "mm", Severity.WARNING),)
 
 
 def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -182,7 +176,7 @@ def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     """What the force does to the part; a stress where there is a material, and a wall thin enough to bend."""
     material, holding = material_or_none(job.material), holding_of(machine)
-    scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_share * job.chucking_force_n
+    scatter_um = lobe_um_per_n(job, machine) * force_sd_n(job, machine)
     scatter = _at_most(
         "rule.clamp_scatter", "chucking_force_n", scatter_um, job.roundness_tolerance_um, "um", Severity.WARNING
     )
@@ -202,6 +196,12 @@ def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     strength = material.yield_mpa
     stress = _at_most("rule.clamp_stress", "chucking_force_n", stress_mpa, strength, "MPa", Severity.WARNING)
     return (known, stress, scatter)
+
+
+def _clamp_span(job: Job, machine: MachineProfile) -> Finding:
+    span = force_span(job, machine)
+    least_n, most_n, severity = span.least_n, span.most_n, Severity.WARNING
+    return _finding("rule.clamp_span", "chucking_force_n", not span.empty, least_n, "<=", most_n, "N", severity)
 
 
 def _tool_travel(job: Job, machine: MachineProfile) -> Finding:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from profiles.chucking.grip import most_loss_speed_rpm, speed_of_loss_rpm
+from profiles.chucking.job_grip import mass_radius_kg_m, needed_grip_n
 from profiles.compensation import spindle_speed_rpm
 from profiles.envelope import EnvelopeRow
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.response import ServoResponse
-from profiles.rules import mass_radius_kg_m, needed_grip_n
 
 _LEAST_HZ, _BELOW_NYQUIST = 0.05, 0.999
 _HALVINGS = 40

@@ -3,15 +3,15 @@
 The plain file is UTF-8 text: lines `# key: value` in any number, the header `angle_deg,deviation_um`, and one
 point a line, with angles in [0, 360) and each angle once. A last point at 360 that repeats the one at 0 closes the
 turn and is left out. Blank lines, lines that start with `#` (after the first point they are remarks and no more),
-spaces, quoted cells, a byte order mark and either kind of line end are taken. Cells may also be separated by
-semicolons, tabs or blanks, and numbers then have a decimal comma. Deviations may be in mm or nm, angles may be
-left out where the header says that they are equal, run from -180 to 180 or over several turns where it says so,
-and points may be x and y in the plane. A surface data file (ISO 25178-71) with one profile is taken, too. Anything
-else is refused with its line number, all problems (up to a cap) at once. A cause that spoils every line is told
-once and alone.
+spaces, quoted cells, a byte order mark, UTF-16 with one and any kind of line end are taken. Columns may be named
+as people name them, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or blanks,
+and numbers then have a decimal comma. Deviations may be in mm or nm, angles may be left out where the header says
+that they are equal, run from -180 to 180 or over several turns where it says so, and points may be x and y in the
+plane, each once. Files of one profile at equal steps are taken as one closed turn: SDF, SMD, PRF and X3P. Anything
+else is refused with its line, all problems (up to a cap) at once. A cause that spoils every line is told once.
 
-Problem codes: those of `profiles.trace_files`, `trace.unreadable`, `trace.too_large`, `trace.not_utf8`; for
-writing `file.exists` and `file.not_writable`.
+Problem codes: those of `profiles.trace_files`, `trace.unreadable`, `trace.too_large`; for writing `file.exists`
+and `file.not_writable`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,12 @@ from profiles.files import printable, read_regular_file, write_atomically
 from profiles.metrology.circles import LEAST_SQUARES
 from profiles.metrology.geometric import geometric_circle, polar
 from profiles.problem import Problem, ProfileError
+from profiles.trace_files.closed import ClosedProfile
+from profiles.trace_files.decoded import decoded
+from profiles.trace_files.records import PRF, SMD, read_prf, read_smd
 from profiles.trace_files.sdf import VERSION, read_sdf
 from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TableReader
+from profiles.trace_files.x3p import MAGIC, read_x3p
 
 CAP_BYTES = 50_000_000
 
@@ -38,10 +42,10 @@ CAP_BYTES = 50_000_000
 class Trace:
     """A measured profile: M spindle angles in deg and M deviations in um, positive outwards; shape (M,) each.
 
-    `meta` holds the `# key: value` lines; what they mean says `profiles.trace_files.header`. Angles run on over
-    several turns where `turns` is above 1. Points in the plane stand about the centre of their least squares
-    circle, which the meta keys `centre_x_mm` and `centre_y_mm` tell, with its radius as `radius_mm`. Both arrays
-    are read only.
+    `meta` holds the `# key: value` lines; what they mean says `profiles.trace_files.header`. Its `format` is the
+    name of a file of one profile that was taken as a closed turn. Angles run on over several turns where `turns`
+    is above 1. Points in the plane stand about the centre of their least squares circle, which the meta keys
+    `centre_x_mm` and `centre_y_mm` tell, with its radius as `radius_mm`. Both arrays are read only.
     """
 
     angle_deg: NDArray[np.float64]
@@ -57,17 +61,15 @@ def read_trace(path: Path) -> Trace:
 
 def parse_trace(content: bytes, *, where: str = "") -> Trace:
     """Return the trace in the bytes of a file; `where` names them in the problems."""
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content[: error.start].count(b"\n") + 1
-        value = f"0x{content[error.start]:02x}"
-        raise ProfileError(Problem(code="trace.not_utf8", where=f"{where}:{line}", value=value)) from error
-    if VERSION.match(content):
-        return _from_sdf(text.lstrip(), where)
+    if content.startswith(MAGIC):
+        return _from_profile(read_x3p(content, where))
+    text = decoded(content, where)
+    for mark, read in ((VERSION, read_sdf), (SMD, read_smd), (PRF, read_prf)):
+        if mark.match(text):
+            return _from_profile(read(text, where))
     reader = TableReader(where)
     for number, line_text in enumerate(text.split("\n"), start=1):
-        stripped = line_text.strip(" \t\r")
+        stripped = line_text.strip(" \t")
         if stripped:
             reader.take(number, stripped)
         if reader.spoilt or len(reader.problems) >= PROBLEM_CAP:
@@ -118,10 +120,9 @@ def _from_table(reader: TableReader) -> Trace:
     return Trace(angle_deg=_read_only(first), deviation_um=_read_only(second), meta=MappingProxyType(meta))
 
 
-def _from_sdf(text: str, where: str) -> Trace:
-    profile = read_sdf(text, where)
+def _from_profile(profile: ClosedProfile) -> Trace:
     size = len(profile.deviation_um)
-    meta = {"format": "SDF, taken as one closed turn", "size": "relative"}
+    meta = {"format": profile.format, "size": "relative"}
     if profile.radius_mm is not None:
         meta["radius_mm"] = repr(profile.radius_mm)
     return Trace(

@@ -7,9 +7,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 from profiles.machine import MachineProfile
-from profiles.store import LoadedMachine, load_machine
+from profiles.store import BUNDLED_MACHINES, LoadedMachine, load_machine
+
+CLOSE_TOGETHER = {"home_radius_mm = 76.0": "home_radius_mm = 29.0", "jaw_face_mm = 200.0": "jaw_face_mm = 40.0"}
+"""What the same is in the file of the lathe."""
 
 
 def close_together(machine: MachineProfile) -> MachineProfile:
@@ -23,3 +27,15 @@ def compact_machine() -> LoadedMachine:
     """The lathe of the paper, close together."""
     loaded = load_machine("lee-2001-lathe")
     return replace(loaded, machine=close_together(loaded.machine))
+
+
+def save_compact(data: Path) -> tuple[str, str]:
+    """Save that lathe in the data folder of an operator; return the words of a command that works it."""
+    text = (BUNDLED_MACHINES / "lee-2001-lathe.toml").read_text(encoding="utf-8")
+    for usual, near in CLOSE_TOGETHER.items():
+        assert usual in text
+        text = text.replace(usual, near)
+    own = data / "machines" / "close.toml"
+    own.parent.mkdir(parents=True, exist_ok=True)
+    own.write_text(text, encoding="utf-8")
+    return "--machine", "close"

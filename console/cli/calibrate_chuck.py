@@ -11,6 +11,7 @@ from typing import Any
 from console.cli.library import data_of, machine_of
 from console.cli.output import print_json
 from console.cli.warn import tell
+from console.session.calibrated_chuck import refuse_unusable
 from console.session.calibrations import Calibration, newest, store
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -43,10 +44,12 @@ def calibrate_chuck(options: Namespace, text: Catalogue, date: str) -> int:
         fit = _fitted(measured, loaded.machine, options.affine)
         rows = _rows(fit, measured, text)
         asked = _asked(fit, options)
+        if options.keep:
+            refuse_unusable(_profile_lines(fit), where)
     except ProfileError as error:
         raise ProfileError(*(replace(problem, where=where) for problem in error.problems)) from error
     data = data_of(options)
-    before = newest(data, loaded.machine.name, measured.kind)
+    before = newest(data, loaded.machine.name, measured.kind, loaded.machine.chuck.name)
     found = {**asdict(fit), "profile": _profile_lines(fit)}
     calibration = Calibration(
         kind=measured.kind,
@@ -56,6 +59,7 @@ def calibrate_chuck(options: Namespace, text: Catalogue, date: str) -> int:
         file=options.file,
         file_sha256=measured.sha256,
         found=found,
+        chuck=loaded.machine.chuck.name,
     )
     kept = str(store(data, calibration)) if options.keep else None
     warnings = tell(_warnings(fit, measured, where), text)
@@ -66,8 +70,8 @@ def calibrate_chuck(options: Namespace, text: Catalogue, date: str) -> int:
     print(text("calibrate.chuck_head", machine=loaded.machine.name, file=where, rows=fit.points))
     print("\n".join(table([*rows, *_asked_rows(asked, text)], numeric=(1,))))
     if before is not None:
-        lines = _spelled(before.found.get("profile", {}))
-        print("\n" + text("calibrate.before", date=before.date, lines=lines))
+        lines = _spelled(before[1].found.get("profile", {}))
+        print("\n" + text("calibrate.before", date=before[1].date, lines=lines))
     print("\n" + text("calibrate.profile", lines=_spelled(_profile_lines(fit))))
     print(text("calibrate.kept", file=kept) if kept else text("calibrate.not_kept"))
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,14 +24,22 @@ if TYPE_CHECKING:
     from profiles.store import LoadedMachine
 
 
+WRONG_USAGE = 2
+
+
 def main(options: Namespace, text: Catalogue) -> int:
-    """Identify, print and keep the result.
+    """Identify, print and keep the result; 2 for words that belong to a simulated machine alone.
 
     Raises:
         ProblemError: a refusal before anything moved, or what ended it; the machine is at rest.
     """
     interruption = Interruption()
     interruption.install()
+    from console.cli.simulation import anything_told
+
+    if anything_told(options) and not options.sim:
+        print(f"console identify: {text('usage.plant_without_sim')}", file=sys.stderr)
+        return WRONG_USAGE
     # Numerics take longer to load than the whole command line; the signals are already in hand.
     from console.cli.identified_lines import Teller, fields_of
     from console.cli.library import data_of, machine_of
@@ -100,7 +109,7 @@ def _reached(
     from drivers.identification.rig import Rig
 
     if options.sim:
-        yield _in_memory(machine, interruption, tracing), None, True
+        yield _in_memory(options, machine, interruption, tracing), None, True
         return
     address = address_of(machine.machine, options.link, simulated=False)
     reached = reach(machine, address, data_of(options), tracing)
@@ -111,8 +120,13 @@ def _reached(
         reached.close()
 
 
-def _in_memory(machine: LoadedMachine, interruption: Interruption, tracing: Tracing) -> Rig:
-    """Return a simulated machine whose time is as fast as it is calculated."""
+def _in_memory(options: Namespace, machine: LoadedMachine, interruption: Interruption, tracing: Tracing) -> Rig:
+    """Return a simulated machine whose time is as fast as it is calculated.
+
+    Raises:
+        ProblemError: as `iron_told`.
+    """
+    from console.cli.simulation import iron_told
     from drivers.heartbeat import Heartbeat
     from drivers.identification.rig import Rig
     from drivers.lathe import Lathe
@@ -121,7 +135,7 @@ def _in_memory(machine: LoadedMachine, interruption: Interruption, tracing: Trac
     from drivers.simulator.machine import SimulatedLathe
     from drivers.stop import StopPath
 
-    simulated = SimulatedLathe(machine.machine)
+    simulated = SimulatedLathe(machine.machine, iron_told(options, machine.machine))
     link = tracing.of(MemoryLink(simulated.connect(), simulated), simulated.now_s)
     stop, client = StopPath(link), PmacClient(link, simulated)
     interruption.guard(stop)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from console.cli.learn_lines import kept_lines, lesson_fields, lesson_lines, version_fields, version_lines
-from console.cli.library import data_of, job_of, profile_of
+from console.cli.library import data_of, job_of, judged_of
 from console.cli.output import print_json
 from console.cli.warn import tell
+from console.session.calibrated_chuck import CalibratedMachine
 from console.session.errors import SessionError
-from console.session.learned_store import asked_for, store, versions
+from console.session.learned_store import asked_for, store, utc_now, versions
 from console.session.lessons import SIMULATED, reverted, taught
 from console.session.made_parts import KEYS
 from console.text.catalogue import Catalogue
@@ -28,14 +28,14 @@ def main(options: Namespace, text: Catalogue) -> int:
     Raises:
         ProblemError: why nothing can be learned, or with `--keep` why it must not be kept.
     """
-    job, machine = job_of(options), profile_of(options)
+    job, machine = job_of(options), judged_of(options)
     if options.file is not None:
         return _learn(options, job, machine, text)
     _refuse_unused(options)
     return _list(options, job, machine, text) if options.list else _revert(options, job, machine, text)
 
 
-def _learn(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
+def _learn(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> int:
     trace, data = read_trace(Path(options.file)), data_of(options)
     _refuse_real(options, trace)
     said = {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
@@ -51,13 +51,13 @@ def _learn(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Cat
             identified,
             gain=options.gain,
             robust=options.robust,
-            date=_date(),
+            date=utc_now(),
             extra=options.extra or (),
         )
     except ProfileError as error:
         raise ProfileError(*(replace(each, where=each.where or where) for each in error.problems)) from error
     reasons = found.lesson.reasons
-    warnings = tell((*found.warnings, *(() if options.keep else reasons)), text)
+    warnings = tell((*machine.warnings, *found.warnings, *(() if options.keep else reasons)), text)
     kept = store(data, found.lesson.next) if options.keep and not reasons else None
     if options.json:
         print_json({**lesson_fields(found), "kept": kept and str(kept), "warnings": warnings})
@@ -81,7 +81,7 @@ def _list(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Cata
 
 def _revert(options: Namespace, job: LoadedJob, machine: LoadedMachine, text: Catalogue) -> int:
     data = data_of(options)
-    back = reverted(options.revert, job, machine, data, simulated=options.sim, date=_date())
+    back = reverted(options.revert, job, machine, data, simulated=options.sim, date=utc_now())
     kept = store(data, back) if options.keep else None
     if options.json:
         asked = asked_for(job, machine, "", simulated=options.sim)
@@ -112,7 +112,3 @@ def _refuse_real(options: Namespace, trace: Trace) -> None:
     if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
         where = printable(options.file)
         raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
-
-
-def _date() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -13,7 +13,6 @@ from pathlib import Path
 from console.session.lessons import Taught
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.compensation import CutPath, LobedPath
 from profiles.files import printable
 from profiles.learned import HoldsFor, LearnedCompensation, as_table
 from profiles.next_version import Contraction, Lesson
@@ -22,16 +21,7 @@ from profiles.next_version import Contraction, Lesson
 def lesson_fields(found: Taught) -> dict[str, object]:
     """Return a lesson for JSON, unrounded; what two parts cannot tell is null."""
     lesson = found.lesson
-    contraction = None
-    if lesson.contraction is not None:
-        share, late_deg = _arrives(lesson.contraction, lesson.next.path)
-        contraction = {
-            "value": lesson.contraction.value,
-            "half_width": lesson.contraction.half_width,
-            "verdict": lesson.contraction.verdict.value,
-            "arrives_share": share,
-            "arrives_late_deg": late_deg,
-        }
+    lobes = lesson.next.path.wanted.lobes
     return {
         "cut_with": asdict(found.made),
         "next": as_table(lesson.next),
@@ -41,7 +31,19 @@ def lesson_fields(found: Taught) -> dict[str, object]:
             "half_width_um_pp": lesson.expected_half_width_um_pp,
             "RONt_um": lesson.expected_ront_um,
         },
-        "contraction": contraction,
+        "contraction": None if lesson.contraction is None else _contraction_fields(lesson.contraction, lobes),
+        "contractions": [{"n": n, **_contraction_fields(c, n)} for n, c in sorted(lesson.contractions.items())],
+    }
+
+
+def _contraction_fields(contraction: Contraction, waves: int) -> dict[str, object]:
+    share, late_deg = _arrives(contraction, waves)
+    return {
+        "value": contraction.value,
+        "half_width": contraction.half_width,
+        "verdict": contraction.verdict.value,
+        "arrives_share": share,
+        "arrives_late_deg": late_deg,
     }
 
 
@@ -123,17 +125,20 @@ def _holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
 def _facts(lesson: Lesson, text: Catalogue) -> list[tuple[str, str]]:
     waves = ", ".join(str(n) for n in lesson.learned) or text("learned.no_waves")
     rows = [(text("learned.waves"), waves), (text("learned.gain"), f"{lesson.next.gain:g}")]
-    contraction = lesson.contraction
-    if contraction is None:
-        return rows
-    share, late_deg = _arrives(contraction, lesson.next.path)
-    late = text("learned.arrives_late", share=f"{100 * share:.1f}", late=f"{late_deg:+.2f}")
+    lobes, contraction = lesson.next.path.wanted.lobes, lesson.contraction
+    if contraction is not None:
+        share, late_deg = _arrives(contraction, lobes)
+        late = text("learned.arrives_late", share=f"{100 * share:.1f}", late=f"{late_deg:+.2f}")
+        rows += [(text("learned.arrives"), late), (text("learned.factor"), _factor(contraction, text))]
+    others = sorted((n, each) for n, each in lesson.contractions.items() if n != lobes)
+    return [*rows, *((text("learned.factor_of", waves=f"{n}/rev"), _factor(each, text)) for n, each in others)]
+
+
+def _factor(contraction: Contraction, text: Catalogue) -> str:
     factor = f"{contraction.value:.2f} ± {contraction.half_width:.2f}"
-    verdict = text(f"learned.verdict.{contraction.verdict}")
-    return [*rows, (text("learned.arrives"), late), (text("learned.factor"), f"{factor}: {verdict}")]
+    return f"{factor}: {text(f'learned.verdict.{contraction.verdict}')}"
 
 
-def _arrives(contraction: Contraction, path: CutPath) -> tuple[float, float]:
-    """Return the share of the path that arrives, and by how many spindle degrees late."""
-    wanted: LobedPath = path.wanted
-    return abs(contraction.arrives), -math.degrees(cmath.phase(contraction.arrives)) / wanted.lobes
+def _arrives(contraction: Contraction, waves: int) -> tuple[float, float]:
+    """Return the share of a wave of the path that arrives, and by how many spindle degrees late."""
+    return abs(contraction.arrives), -math.degrees(cmath.phase(contraction.arrives)) / waves

@@ -27,8 +27,16 @@ def lines(result: LearnResult, text: Catalogue) -> list[str]:
     """Return the result in words."""
     lobes = result.plan.job.jaws
     rows = [
-        ("", "RONt", text("run.harmonic", n=lobes), text("learn.air"), text("learn.trim"), ""),
-        (text("part.before"), *_figures(result.before, lobes), "", "", "um"),
+        (
+            "",
+            "RONt",
+            text("run.harmonic", n=lobes),
+            text("learn.air"),
+            text("learn.trim"),
+            "",
+            text("learn.grown"),
+        ),
+        (text("part.before"), *_figures(result.before, lobes), "", "", "um", ""),
     ]
     rows += [
         (
@@ -37,10 +45,11 @@ def lines(result: LearnResult, text: Catalogue) -> list[str]:
             " ".join(f"{error_um:.2f}" for error_um in part.air_um),
             f"{abs(part.trim_um):.2f}",
             "um",
+            " ".join(f"{each.waves}/rev" for each in part.grown),
         )
         for number, part in enumerate(result.parts, start=1)
     ]
-    rows.append((text("part.floor"), *_figures(result.floor, lobes), "", "", "um"))
+    rows.append((text("part.floor"), *_figures(result.floor, lobes), "", "", "um", ""))
     return [
         *run_report.lines(_last(result), text)[:-1],
         "",
@@ -79,6 +88,10 @@ def _part(part: LearnedPart) -> dict[str, object]:
             "tool_mean_error_um": part.tool_off.mean_um,
             "tool_error": _waves(Wave.of(n, c) for n, c in sorted(part.tool_off.coefficients_um.items())),
             "part_gain": part.part_gain,
+            "learned_waves": list(part.learned),
+            "frozen": [
+                {"n": each.waves, "best_um": each.best_um, "grown_um": each.grown_um} for each in part.grown
+            ],
         },
     }
 

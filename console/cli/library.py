@@ -6,6 +6,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from console.session.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.paths import data_folder, jobs_folder, machines_folder
 from profiles.machine_signature import iron_problems
 from profiles.problem import ProfileError
@@ -52,6 +53,15 @@ def machine_of(options: Namespace) -> LoadedMachine:
     if is_real(address_told(options, loaded)):
         refuse_unsigned(loaded.machine)
     return loaded
+
+
+def judged_of(options: Namespace) -> CalibratedMachine:
+    """Load the machine named on the command line with its newest calibrations, for what judges a job on it.
+
+    Raises:
+        ProfileError: with every problem of it; see `calibrated`.
+    """
+    return calibrated(profile_of(options), data_of(options))
 
 
 def address_told(options: Namespace, machine: LoadedMachine) -> LinkAddress:

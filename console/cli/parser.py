@@ -228,6 +228,7 @@ def _identify(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "identify", text)
     _machine(parser, text)
     parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.identify.sim"))
+    _iron(parser, text)
     _link(parser, text)
     parser.add_argument(
         "--strategy", choices=IDENTIFIED, default=DEFAULT_STRATEGY, help=text("help.identify.strategy")
@@ -328,12 +329,16 @@ def _machine(parser: Parser, text: Catalogue) -> None:
 
 
 def _plant(parser: Parser, text: Catalogue, absent: str | None = argparse.SUPPRESS) -> None:
-    """Add what says how a simulated lathe really is; `absent` is what stands where nothing is said."""
-    parser.add_argument("--plant", metavar="PLANT", type=_plant_word, default=absent, help=text("help.plant"))
-    parser.add_argument("--seed", metavar="N", type=_seed, default=absent, help=text("help.seed"))
+    """Add what says how a simulated lathe really is, and is clamped; `absent` stands where nothing is said."""
+    _iron(parser, text, absent)
     parser.add_argument(
         "--clamping-sd", metavar="PERCENT", type=_clamping_sd, default=absent, help=text("help.clamping_sd")
     )
+
+
+def _iron(parser: Parser, text: Catalogue, absent: str | None = argparse.SUPPRESS) -> None:
+    parser.add_argument("--plant", metavar="PLANT", type=_plant_word, default=absent, help=text("help.plant"))
+    parser.add_argument("--seed", metavar="N", type=_seed, default=absent, help=text("help.seed"))
 
 
 def _link(parser: Parser, text: Catalogue) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from console.cli.library import job_of, profile_of
+from console.cli.library import job_of, judged_of
 from console.cli.output import print_json
 from console.cli.preview_fields import fields_of
 from console.cli.preview_told import lines_of
+from console.cli.warn import tell
 from console.session.identified_response import response_in
 from console.session.preview import preview
 from console.text.catalogue import Catalogue
@@ -23,13 +24,15 @@ def main(options: Namespace, text: Catalogue) -> int:
     Raises:
         ProblemError: what cannot be read, or cannot be inverted at this speed; `response.of_another`.
     """
-    job, machine = job_of(options).job, profile_of(options).machine
+    job, judged = job_of(options).job, judged_of(options)
+    machine = judged.machine
     strategy = Strategy(options.strategy)
     file = options.identified
     response = None if file is None else response_in(Path(file), machine, strategy)
     seen = preview(job, machine, strategy, response)
+    warnings = tell(judged.warnings, text)
     if options.json:
-        print_json(fields_of(seen, text))
+        print_json({**fields_of(seen, text), "calibrations": judged.used, "warnings": warnings})
     else:
         print("\n".join(lines_of(seen, text)))
     return 1 if refusals(seen.findings) or _refused(seen.strategies[strategy]) else 0

@@ -6,7 +6,9 @@ import cmath
 import math
 from dataclasses import asdict
 
-from console.session.foreseen import Band, predicted_band
+from console.cli.clamping import span_fields
+from console.cli.preview_band import reasons
+from console.session.foreseen import predicted_band
 from console.session.outlook import grip_share
 from console.session.preview import Preview
 from console.text.catalogue import Catalogue
@@ -53,21 +55,14 @@ def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
     band = predicted_band(seen, seen.strategy)
     if band is None:
         return None
+    because = [
+        {"code": code, "um": um, "text": words} for code, um, words in reasons(band, seen.response.source, text)
+    ]
     return {
         "before": {"ront_um": seen.job.lobe_error_um_pp},
         "after": {"ront_um": band.after_um},
-        "band": {"low_um": band.low_um, "high_um": band.high_um, "because": _because(seen, band, text)},
+        "band": {"low_um": band.low_um, "high_um": band.high_um, "because": because},
     }
-
-
-def _because(seen: Preview, band: Band, text: Catalogue) -> list[dict[str, object]]:
-    terms = (
-        (f"servo.{seen.response.source}", band.servo_um),
-        ("clamping", band.clamping_um),
-        ("cutting", band.cutting_um),
-        ("friction", band.friction_um),
-    )
-    return [{"code": f"band.{name}", "um": um, "text": text(f"band.{name}")} for name, um in terms]
 
 
 def _response(seen: Preview) -> dict[str, object]:
@@ -101,11 +96,15 @@ def _drive(seen: Preview) -> dict[str, float]:
     return {**needs, **limits, **{f"{key}_percent": share.percent for key, share in seen.shares.items()}}
 
 
-def _margins(seen: Preview) -> dict[str, float | None]:
-    """Needs in percent of what there is, with the stroke of the program where there is one; None is not known."""
+def _margins(seen: Preview) -> dict[str, float | str | None]:
+    """Needs in percent of what there is, with the stroke of the program where there is one; None is not known.
+
+    With them the forces at rest between which the part is held, and not bent too far.
+    """
     made = seen.predictions.get(seen.strategy)
     shares = {**(seen.shares if made is None else made.shares), "grip_n": grip_share(seen.job, seen.machine)}
-    return {"voltage_v_percent": None, **{f"{name}_percent": share.percent for name, share in shares.items()}}
+    percents = {f"{name}_percent": share.percent for name, share in shares.items()}
+    return {"voltage_v_percent": None, **percents, **span_fields(seen.job, seen.machine)}
 
 
 def _envelope(seen: Preview) -> dict[str, object]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-from console.session.foreseen import predicted_band
+from console.cli.clamping import span_words
+from console.cli.preview_band import reasons
+from console.session.foreseen import Band, predicted_band
 from console.session.preview import Preview, Response
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -30,11 +32,13 @@ def lines_of(seen: Preview, text: Catalogue) -> list[str]:
         for key, share in seen.shares.items()
     ]
     head = f"{seen.job.name} · {seen.machine.name}"
+    band = predicted_band(seen, seen.strategy)
     return [
         head,
         "",
-        *table(_facts(seen, text)),
+        *table(_facts(seen, band, text)),
         "",
+        *_because(seen, band, text),
         *table(loops, numeric=(1, 2, 3)),
         "",
         *table(needs, numeric=(1, 2)),
@@ -43,7 +47,7 @@ def lines_of(seen: Preview, text: Catalogue) -> list[str]:
     ]
 
 
-def _facts(seen: Preview, text: Catalogue) -> list[tuple[str, str]]:
+def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str, str]]:
     job = seen.job
     lead_deg = job.lobe_phase_deg - seen.command.crest_deg
     return [
@@ -55,8 +59,9 @@ def _facts(seen: Preview, text: Catalogue) -> list[tuple[str, str]]:
         (text("preview.wanted"), f"{seen.wanted.mean_um:.1f} ± {seen.wanted.amplitude_um:.2f} um"),
         (text("preview.command"), f"± {seen.command.amplitude_um:.2f} um, {lead_deg:+z.2f} deg"),
         (text("preview.inverts"), _inverted(seen, text)),
-        *_left(seen, text),
+        *_left(seen, band, text),
         (text("preview.grip"), f"{seen.grip_margin_n:.0f} N"),
+        (text("predict.force_span"), span_words(seen.job, seen.machine, text)),
         (text("preview.fastest"), _fastest(seen, text)),
     ]
 
@@ -68,12 +73,22 @@ def _inverted(seen: Preview, text: Catalogue) -> str:
     return f"{text(f'response.{response.source}')} {response.name}, ± {percent:.2f} %"
 
 
-def _left(seen: Preview, text: Catalogue) -> list[tuple[str, str]]:
-    band = predicted_band(seen, seen.strategy)
+def _left(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str, str]]:
     if band is None:
         return []
     words = f"{band.after_um:.2f} um ({band.low_um:.1f} … {band.high_um:.1f} um)"
     return [(text("preview.left", strategy=seen.strategy), words)]
+
+
+def _because(seen: Preview, band: Band | None, text: Catalogue) -> list[str]:
+    """What the band is made of, with a line below it; nothing without one."""
+    if band is None:
+        return []
+    rows = [(text("preview.because"), "um p-p")]
+    rows += [
+        (words, "-" if um is None else f"{um:.2f}") for _, um, words in reasons(band, seen.response.source, text)
+    ]
+    return [*table(rows, numeric=(1,)), ""]
 
 
 def _fastest(seen: Preview, text: Catalogue) -> str:

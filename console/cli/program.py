@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.cli.library import job_of, profile_of
+from console.cli.library import job_of, judged_of
 from console.cli.output import print_json
-from console.cli.warn import tell_warnings
+from console.cli.warn import tell
 from console.session.run import plan_run
 from console.text.catalogue import Catalogue
 from drivers.cut import CutPlan, Strategy
@@ -17,10 +17,11 @@ from profiles.machine import MachineProfile
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print the program; what the checker found goes to stderr."""
-    loaded, machine = job_of(options), profile_of(options).machine
-    job = loaded.job
-    plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path))
-    warnings = tell_warnings(plan, text)
+    loaded, judged = job_of(options), judged_of(options)
+    job, machine = loaded.job, judged.machine
+    # Nothing is armed: what would be refused then is told here.
+    plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path), simulated=True)
+    warnings = tell((*judged.warnings, *plan.warnings), text)
     program = f"{_start_line(plan.cut, machine)}\n{plan.cut.text}"
     if options.json:
         print_json(

@@ -34,7 +34,7 @@ def reasons(records: Sequence[Record], text: Catalogue) -> list[str]:
     """Return why ours is another number, each reason once, with the row that asks for it first."""
     first = {record.why: record for record in reversed(records) if record.why}
     asked = dict.fromkeys(record.why for record in records if record.why)
-    return [f"{name(first[why], text).strip()} – {text(f'reproduce.why.{why}')}" for why in asked]
+    return [f"{name(first[why], text).strip()} – {_reason(first[why], text)}" for why in asked]
 
 
 def lines(section: Section, text: Catalogue) -> list[str]:
@@ -71,6 +71,10 @@ def fields(section: Section, text: Catalogue) -> dict[str, object]:
     }
 
 
+def _reason(record: Record, text: Catalogue) -> str:
+    return text(f"reproduce.why.{record.why}", **record.facts)
+
+
 def _row(record: Record, text: Catalogue) -> Row:
     off, holds = record.difference, record.holds
     unit = f" {record.unit}" if record.unit else ""
@@ -101,7 +105,7 @@ def _record(record: Record, text: Catalogue) -> dict[str, object]:
         "unit": record.unit,
         "difference": record.difference,
         "holds": record.holds,
-        "why": text(f"reproduce.why.{record.why}") if record.why else None,
+        "why": _reason(record, text) if record.why else None,
     }
 
 

@@ -50,6 +50,10 @@ def _head(measured: Measured, text: Catalogue) -> list[str]:
         ),
         text("roundness.state", state=state_words(result, text)),
     ]
+    if (kind := measured.trace.meta.get("format")) and header.radius_mm is not None:
+        lines.append(text("roundness.closed_turn", format=kind, radius=f"{header.radius_mm:.4g}"))
+    elif kind:
+        lines.append(text("roundness.closed_turn_of_any_size", format=kind))
     if header.filter_upr is not None:
         lines.append(text("roundness.filtered_before", filter=f"{header.filter_upr:g}"))
     if result.recentred:

@@ -17,21 +17,30 @@ if TYPE_CHECKING:
     from console.cli.run_order import RunOrder
     from console.session.sequence import Step
 
+WRONG_USAGE = 2
+
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Run a job, on a machine or simulated, and print what became of it; 1 when nobody agreed to move a machine.
+    """Run a job, on a machine or simulated, and print what became of it.
+
+    The exit code is 1 when nobody agreed to move a machine, 2 for words that belong to a simulated one alone.
 
     Raises:
         ProblemError: a refusal before anything moved, or what ended the cut; the machine is at rest.
     """
     interruption = Interruption()
     interruption.install()
+    from console.cli.simulation import anything_told
+
+    if anything_told(options) and not options.sim:
+        print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
+        return WRONG_USAGE
     # Numerics take longer to load than the whole command line; the signals are already in hand.
     from console.cli.run_order import ordered
-    from console.cli.warn import tell_warnings
+    from console.cli.warn import tell
 
     order = ordered(options)
-    warnings = tell_warnings(order.plan, text)
+    warnings = tell((*order.machine.warnings, *order.plan.warnings), text)
     if order.address is not None and not _agreed(options, order, text):
         return 1
     _cut(options, order, interruption, warnings, text)
@@ -40,6 +49,8 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _agreed(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
     """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
+    from console.cli.clamping import force_words
+
     machine, job = order.plan.machine, order.plan.job
     rests_on = text(
         "run.rests_on",
@@ -49,7 +60,7 @@ def _agreed(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
         jaw=f"{job.jaw_1_deg:.2f}",
         force=f"{job.chucking_force_n:.0f}",
     )
-    print(rests_on, file=sys.stderr)
+    print(f"{rests_on}\n{force_words(job, machine, text)}", file=sys.stderr)
     return agreed(options, machine.name, order.simulated, text, "run")
 
 
@@ -69,26 +80,27 @@ def _cut(
     from drivers.link.tracing import Tracing
 
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {order.job.job.name}")
-    data, parts, plan = data_of(options), order.parts, order.plan
+    data, parts = data_of(options), order.parts
     record = begin_record(data, order)
     tell_cut_with(options, order, text)
     tell = _teller(options, text, interruption, record.add, order)
     try:
         if parts is None:
             result = recorded(
-                record, warnings, plan, lambda: cut(order, data, interruption, tracing, tell), run_report.fields
+                record, warnings, order, lambda: cut(order, data, interruption, tracing, tell), run_report.fields
             )
         else:
             learned = recorded(
                 record,
                 warnings,
-                plan,
+                order,
                 lambda: cut_learning(order, parts, interruption, tracing, tell),
                 learn_report.fields,
             )
     finally:
         warnings += tell_problems(tracing.problems, text)
     if parts is not None:
+        warnings += tell_problems(learned.warnings, text)
         _print(options, learn_report.fields(learned, warnings), learn_report.lines(learned, text))
         return
     lines = [*run_report.lines(result, text), *learn_hint(options, order, text)]

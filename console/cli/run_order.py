@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.cli.library import data_of, job_of, machine_of
-from console.cli.simulation import simulation_told
+from console.cli.simulation import iron_told
+from console.session.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.errors import SessionError
 from console.session.identified_response import response_in
 from console.session.learned_store import NONE, asked_for, chosen, versions
@@ -18,7 +19,6 @@ from console.session.whereabouts import address_of
 from drivers.cut import Strategy
 from drivers.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
-from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.compensation import CutPath
 from profiles.files import printable
@@ -27,7 +27,7 @@ from profiles.learned import LearnedCompensation
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.response import ServoResponse
-from profiles.store import LoadedJob, LoadedMachine
+from profiles.store import LoadedJob
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class RunOrder:
     """
 
     job: LoadedJob
-    machine: LoadedMachine
+    machine: CalibratedMachine
     plan: RunPlan
     address: LinkAddress | None
     true: TrueParameters | None = None
@@ -58,7 +58,7 @@ def ordered(options: Namespace) -> RunOrder:
     Raises:
         ProblemError: everything that forbids it; nothing was opened.
     """
-    job, machine = job_of(options), machine_of(options)
+    job, machine = job_of(options), calibrated(machine_of(options), data_of(options))
     address = None if options.sim else address_of(machine.machine, options.link, simulated=False)
     simulated = address is None or isinstance(address, SimulatedAddress)
     part_file = _part_file(options, simulated=simulated)
@@ -77,8 +77,9 @@ def ordered(options: Namespace) -> RunOrder:
         path=_path(job.job, machine.machine, options, learned, inverted),
         inverted="" if inverted is None else inverted.name,
         compensation=None if learned is None else learned.version,
+        simulated=simulated,
     )
-    true = None if address is not None else _true(options, machine.machine)
+    true = None if address is not None else iron_told(options, machine.machine)
     if options.learn is not None:
         _refuse_beside_learning(options)
         refuse_unlearnable(plan, measured=address is None)
@@ -150,8 +151,3 @@ def _refuse_beside_learning(options: Namespace) -> None:
     if any(given.values()):
         value = ", ".join(option for option, there in given.items() if there)
         raise SessionError(Problem(code="learning.alone", key="--learn", value=value))
-
-
-def _true(options: Namespace, machine: MachineProfile) -> TrueParameters | None:
-    told = simulation_told(options, machine)
-    return None if told is None else plant_named(told.plant, machine, told.seed, told.clamping_sd_percent)

@@ -11,7 +11,6 @@ from typing import TypeVar
 from console.cli.run_order import RunOrder
 from console.session.errors import SessionError
 from console.session.records import RunRecord
-from console.session.run import RunPlan
 
 Result = TypeVar("Result")
 
@@ -28,13 +27,17 @@ def begin_record(data: Path, order: RunOrder) -> RunRecord:
 def recorded(
     record: RunRecord,
     warnings: list[str],
-    plan: RunPlan,
+    order: RunOrder,
     work: Callable[[], Result],
     told: Callable[[Result, list[str]], dict[str, object]],
 ) -> Result:
-    """Run, and keep in the record how it went, as it is `told`, however it ends."""
+    """Run, and keep in the record how it went, as it is `told`, however it ends.
+
+    With the plan it keeps the dates of the calibrations with which the job was judged.
+    """
     try:
-        record.add("planned", {"warnings": warnings, "duration_s": plan.cut.duration_s})
+        duration_s, used = order.plan.cut.duration_s, order.machine.used
+        record.add("planned", {"warnings": warnings, "duration_s": duration_s, "calibrations": used})
         result = work()
         record.add("result", told(result, warnings))
     except BaseException as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
+from console.cli.clamping import span_fields
 from console.cli.output import roundness_fields
 from console.session.collisions import collision_problems
 from console.session.run import RunResult
@@ -24,6 +25,7 @@ def fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "compensation": plan.compensation,
         "inverted": plan.inverted or "model",
         "expected": None if plan.expected is None else asdict(plan.expected),
+        "clamping": span_fields(plan.job, plan.machine),
         "spindle_rpm": figures.spindle_speed_rpm,
         "lobe_frequency_hz": result.lobe_frequency_hz,
         "before": None if result.before is None else roundness_fields(result.before),

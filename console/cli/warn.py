@@ -4,18 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from console.text.catalogue import Catalogue
 from profiles.problem import Problem
-
-if TYPE_CHECKING:
-    from console.session.run import RunPlan
-
-
-def tell_warnings(plan: RunPlan, text: Catalogue) -> list[str]:
-    """Print each warning of a plan on stderr, one line each, and return them."""
-    return tell(plan.warnings, text)
 
 
 def tell(problems: Iterable[Problem], text: Catalogue) -> list[str]:

@@ -25,7 +25,8 @@ class Calibration:
     """What was found, of what and from what: `subject` is the machine or the job with the hash of its file.
 
     `kind` is "wrench", "deflection" or "lobe", `date` UTC after ISO 8601, `file` what was measured with its hash,
-    `found` the numbers of the fit by their names.
+    `found` the numbers of the fit by their names. `chuck` is the name of the one that it is of, None where that
+    was not kept.
     """
 
     kind: str
@@ -35,7 +36,12 @@ class Calibration:
     file: str
     file_sha256: str
     found: Mapping[str, Any]
+    chuck: str | None = None
     schema: int = SCHEMA
+
+    def is_of(self, chuck: str) -> bool:
+        """Whether it may be used for a chuck of this name."""
+        return self.chuck is None or self.chuck == chuck
 
 
 def store(data: Path, calibration: Calibration) -> Path:
@@ -54,14 +60,37 @@ def store(data: Path, calibration: Calibration) -> Path:
     return path
 
 
-def newest(data: Path, subject: str, kind: str) -> Calibration | None:
-    """Return the latest calibration of a kind, None where there is none.
+def files_of(data: Path, subject: str, kind: str) -> list[Path]:
+    """Return the files of the calibrations of a kind, the latest first.
 
     Raises:
-        ProfileError: `file.unreadable`, `file.too_large`; `calibration.record`, a file that is none of ours.
+        ProfileError: `file.unreadable`, the folder.
     """
-    files = sorted(_folder(data, subject).glob(f"{kind}-*.json"))
-    return _load(files[-1]) if files else None
+    folder = _folder(data, subject)
+    try:
+        files = sorted(file for file in folder.iterdir() if file.match(f"{kind}-*.json"))
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first calibration that is kept
+        return []
+    except OSError as error:
+        where, value = printable(str(folder)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.unreadable", where=where, value=value)) from error
+    return files[::-1]
+
+
+def newest(data: Path, subject: str, kind: str, chuck: str) -> tuple[Path, Calibration] | None:
+    """Return the latest calibration of a kind that may be used for a chuck, None where there is none.
+
+    Raises:
+        ProfileError: as `files_of` and `load`.
+    """
+    kept = ((file, load(file, subject, kind)) for file in files_of(data, subject, kind))
+    return next((each for each in kept if each[1].is_of(chuck)), None)
+
+
+def record_problem(file: Path, why: str) -> ProfileError:
+    """Return the refusal of a file that is no calibration of ours."""
+    problem = Problem(code="calibration.record", where=printable(str(file)), value=printable(why))
+    return ProfileError(problem)
 
 
 def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
@@ -83,16 +112,26 @@ def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
     return load_job(str(path))
 
 
-def _load(file: Path) -> Calibration:
-    where = printable(str(file))
+def load(file: Path, subject: str, kind: str) -> Calibration:
+    """Return the calibration in a file.
+
+    Raises:
+        ProfileError: `file.unreadable`, `file.too_large`; `calibration.record`, a file that is none of ours, or
+            not of this subject and kind.
+    """
     try:
         table = json.loads(read_regular_file(file, cap_bytes=CAP_BYTES))
         if table["schema"] != SCHEMA or not isinstance(table["found"], dict):
             raise ValueError(f"schema {table['schema']!r}")
+        if not isinstance(table["date"], str):
+            raise ValueError(f"date {table['date']!r}")
+        if not isinstance(table.get("chuck"), str | None):
+            raise ValueError(f"chuck {table['chuck']!r}")
+        if (table["subject"], table["kind"]) != (subject, kind):
+            raise ValueError(f"{table['subject']}, {table['kind']}")
         return Calibration(**table)
     except (ValueError, RecursionError, KeyError, TypeError) as error:
-        value = printable(str(error))
-        raise ProfileError(Problem(code="calibration.record", where=where, value=value)) from error
+        raise record_problem(file, str(error)) from error
 
 
 def _folder(data: Path, subject: str) -> Path:

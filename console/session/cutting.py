@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
 from console.session.alignment import problems
+from console.session.calibrated_chuck import calibrations_of
+from console.session.compensated import compensation_problems, path_of, stored_problems
 from console.session.errors import SessionError
 from console.session.intents import Arm, Disarm, Retract, Start
 from console.session.interlocks import (
@@ -18,9 +21,12 @@ from console.session.interlocks import (
     of_zero,
     refuse_unless,
 )
+from console.session.learned_store import NONE
+from console.session.made_parts import AS_FILED, MODEL, MadeWith
 from console.session.progress import CutStage, CutWatch
 from console.session.records import RunRecord
 from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, tool_clear
+from console.session.stages import Stage, air_mm
 from console.session.state import Activity, Armed
 from console.session.workplace import Workplace
 from drivers.cut import CutPlan, first_spindle_counts, plan_cut
@@ -29,7 +35,7 @@ from drivers.safety import device_problems
 from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import way_problems
 from profiles.job import Job
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 
 START_WITHIN_S = 10.0
 """How long after arming a cut may be started."""
@@ -50,19 +56,69 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     machine = place.machine
     zero = of_zero(machine, order.strategy, jaw_found=True)
-    refuse_unless(of_job(job, machine), of_lobe(job, machine, order.strategy), zero, _commissioned(place))
+    as_found = of_lobe(job, machine, order.strategy, simulated=place.state.simulated)
+    refuse_unless(of_job(job, machine), as_found, zero, _learned(place, order), _commissioned(place))
     turn, lease = _nearest_turn(place, job, order), place.lathe.lease
-    plan = plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease)
+    plan = _planned(place, order, job, turn, lease)
     refuse_unless(of_program(plan))
     _refuse_tables(place)
     place.to_restore = plan.restore
     place.lathe.load(plan.program, plan.axis_definitions)
     _refuse_unless_ready(place, plan, starting=False)
-    _open_record(place, order, plan)
+    armed = Armed(
+        job=job,
+        strategy=order.strategy,
+        plan=plan,
+        alignment=place.state.alignment,
+        until_s=place.clock.now_s() + START_WITHIN_S,
+        made=_made_with(place, order),
+        loaded=order.loaded,
+    )
+    _open_record(place, order, armed)
     place.plan = plan
-    until_s = place.clock.now_s() + START_WITHIN_S
-    armed = Armed(job=job, strategy=order.strategy, plan=plan, alignment=place.state.alignment, until_s=until_s)
-    place.tell(armed=armed)
+    place.tell(armed=replace(armed, until_s=place.clock.now_s() + START_WITHIN_S))
+
+
+def _learned(place: Workplace, order: Arm) -> Interlock:
+    """Judge what was learned once more: it may have been chosen some time ago, and files may have changed."""
+    learned = order.compensation
+    problems = compensation_problems(
+        learned,
+        order.loaded if order.loaded is not None and order.loaded.job == order.job else None,
+        place.loaded_machine,
+        order.strategy,
+        Stage(order.stage),
+        simulated=place.shop is not None,
+    )
+    if learned is not None:
+        problems += stored_problems(learned, place.records)
+    return Interlock(name="learned_holds", problems=problems)
+
+
+def _planned(place: Workplace, order: Arm, job: Job, turn: int, lease: str) -> CutPlan:
+    """Plan the cut; nothing has been sent, so whatever stands against it is a refusal.
+
+    Raises:
+        SessionError: the problems of `path_of` and `plan_cut`.
+    """
+    stage, machine = Stage(order.stage), place.machine
+    try:
+        path = path_of(job, order.job, machine, order.strategy, stage, order.compensation)
+        out_mm = air_mm(job, stage)
+        return plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease, path=path, air_mm=out_mm)
+    except ProblemError as refused:
+        raise SessionError(*refused.problems) from refused
+
+
+def _made_with(place: Workplace, order: Arm) -> MadeWith:
+    jaw, learned = place.state.alignment.jaw, order.compensation
+    return MadeWith(
+        compensation=NONE if learned is None else str(learned.version),
+        strategy=order.strategy.value,
+        stage=Stage(order.stage).value,
+        inverted=MODEL,
+        cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
+    )
 
 
 def disarm(place: Workplace, _: Disarm) -> None:
@@ -100,7 +156,8 @@ def start(place: Workplace, _: Start) -> None:
     place.started = armed
     place.tell(armed=None, cut=None, cut_done=False, measured=None)
     _refuse_changed(place, armed.plan)
-    plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine)
+    in_air = armed.made.stage == Stage.AIR
+    plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine, in_air=in_air)
     place.seen = partial(_publish, place, watch, CutStage.POSITION)
     try:
         _go_to_start(place, plan)
@@ -213,14 +270,17 @@ def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) ->
     stage = CutStage.HELD if held else CutStage.DONE
     figures = watch.figures()
     ended = watch.see(last, stage, held, place.state.spindle_rpm)
-    place.tell(cut=ended if figures is None else ended.with_figures(figures), cut_done=not held)
-    place.note("held" if held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um)
+    # What was cut in air has not met the part: it is as good a blank as before.
+    done = not held and not ended.in_air
+    place.tell(cut=ended if figures is None else ended.with_figures(figures), cut_done=done)
+    made = {} if place.started is None else place.started.made.event()
+    place.note("held" if held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made)
     if not last.at_rest or not tool_clear(last, plan):
         value = f"{last.tool.position:.0f} counts"
         raise SessionError(Problem(code="machine.not_retracted", key="tool", value=value))
 
 
-def _open_record(place: Workplace, order: Arm, plan: CutPlan) -> None:
+def _open_record(place: Workplace, order: Arm, armed: Armed) -> None:
     place.end_record()
     machine = place.loaded_machine
     place.record = RunRecord(
@@ -233,10 +293,12 @@ def _open_record(place: Workplace, order: Arm, plan: CutPlan) -> None:
             "machine_sha256": machine.sha256,
             "simulated": int(place.shop is not None),
             "strategy": order.strategy.value,
-            "program": plan.text,
+            "program": armed.plan.text,
         },
     )
-    place.note("armed", force_n=order.job.chucking_force_n, jaw_1_deg=_jaw_deg(place))
+    used = calibrations_of(machine)
+    force_n, made = order.job.chucking_force_n, armed.made.event()
+    place.note("armed", force_n=force_n, jaw_1_deg=_jaw_deg(place), calibrations=used, **made)
 
 
 def _jaw_deg(place: Workplace) -> float | None:

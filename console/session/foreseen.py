@@ -1,6 +1,7 @@
 """What a cut will leave on the part, and how far from that it may come: the predicted band and its reasons.
 
 An inverse leaves E |1 - T / T_hat| of a lobe E; with T within a disc of radius r around T_hat that is at most r E.
+What nobody has measured of a machine is assumed: by a model the dry friction of its tool, and always its spindle.
 """
 
 from __future__ import annotations
@@ -11,20 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from console.session.outlook import INVERTING
-from console.session.preview import Preview
+from console.session.preview import Prediction, Underway
 from drivers.cut import Strategy
 from drivers.identification.nominal import path_response
 from profiles.chucking.holding import holding_of
+from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.cutting_process import cutting_process
+from profiles.friction import ASSUMED_FRICTION_N, friction_um_pp
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.prediction import held_part
 from profiles.problem import ProfileError
 from profiles.response import ServoResponse
-from profiles.rules import lobe_um_per_n
 
 NORMAL_95 = 1.959964
 """How many standard deviations hold 95 % of a normal distribution."""
+
+ASSUMED_SPINDLE_UM_PP = 2.0
+"""Radial error of a spindle that nobody has measured, which the part keeps: 1 to 2 um are usual, an assumption."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,21 +38,32 @@ class Band:
 
     `servo_um` is how far the response may be from the one that was inverted, `clamping_um` how the lobe changes
     from clamping to clamping, both with 95 %. `cutting_um` is how the tool gives way to the force of the uneven
-    cut, None for a material without numbers: it is there in every part, in a phase of its own. `friction_um` is
-    what the response may differ for friction, because the tool swings further than when it was identified, or
-    less; None for a model, which knows of no friction.
+    cut, None for a material without numbers: it is there in every part, in a phase of its own. `spindle_um` is by
+    how much the axis of the spindle may wander.
+
+    `friction_um` is by a model what `assumed_friction_n` keeps the tool from. Where the response was identified
+    nothing is assumed (None): it is what the response may differ for friction, because the tool swings further
+    than it did then, or less.
+
+    What is independent of the others, or assumed, is put together as a root of squares: that all of it is at its
+    most in one part is not in the band. How the cut pushes the tool, and what is known of its friction, is added.
     """
 
     after_um: float
     servo_um: float
     clamping_um: float
     cutting_um: float | None
-    friction_um: float | None
+    friction_um: float
+    assumed_friction_n: float | None
+    spindle_um: float = ASSUMED_SPINDLE_UM_PP
 
     @property
     def _reach_um(self) -> float:
-        systematic_um = (self.cutting_um or 0.0) + (self.friction_um or 0.0)
-        return systematic_um + math.hypot(self.servo_um, self.clamping_um)
+        assumed_um, known_um = self.friction_um, 0.0
+        if self.assumed_friction_n is None:
+            assumed_um, known_um = known_um, assumed_um
+        independent_um = math.hypot(self.servo_um, self.clamping_um, self.spindle_um, assumed_um)
+        return (self.cutting_um or 0.0) + known_um + independent_um
 
     @property
     def low_um(self) -> float:
@@ -60,7 +76,7 @@ class Band:
         return self.after_um + self._reach_um
 
 
-def predicted_band(seen: Preview, strategy: Strategy) -> Band | None:
+def predicted_band(seen: Underway, strategy: Strategy) -> Band | None:
     """Return the band of a strategy, None where it cannot be planned."""
     made, job, machine = seen.predictions.get(strategy), seen.job, seen.machine
     if made is None:
@@ -71,26 +87,26 @@ def predicted_band(seen: Preview, strategy: Strategy) -> Band | None:
     holding = holding_of(machine)
     scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_share * job.chucking_force_n
     frequency_hz = job.lobe_frequency_hz if inverting else made.lobe_frequency_hz
-    path_um = float(np.ptp(made.path_um))
     return Band(
         after_um=made.ront_um,
-        servo_um=response.relative_95(frequency_hz) * path_um,
+        servo_um=response.relative_95(frequency_hz) * float(np.ptp(made.path_um)),
         clamping_um=NORMAL_95 * scatter_um,
         cutting_um=_cutting_um(job, machine, strategy),
-        friction_um=_friction_um(seen, path, response, made.stroke_um / 2.0, path_um),
+        friction_um=_friction_um(seen, path, response, made),
+        assumed_friction_n=ASSUMED_FRICTION_N if response.amplitude_um is None else None,
     )
 
 
-def _friction_um(
-    seen: Preview, path: Strategy, response: ServoResponse, amplitude_um: float, path_um: float
-) -> float | None:
-    """Return what friction may change from the identified amplitude a to that of the cut, A.
+def _friction_um(seen: Underway, path: Strategy, response: ServoResponse, made: Prediction) -> float:
+    """Return by a model what the friction that is assumed keeps the tool from, p-p.
 
-    Its share of a response goes with 1 / amplitude. All that differs from the model may be friction, at most:
+    Where the response was identified, what friction may change from its amplitude a to that of the cut, A. Its
+    share of a response goes with 1 / amplitude. All that differs from the model may be friction, at most:
     |T_model / T_hat - 1| |1 - a / A|.
     """
+    path_um, amplitude_um = float(np.ptp(made.path_um)), 0.5 * made.stroke_um
     if response.amplitude_um is None:
-        return None
+        return friction_um_pp(seen.machine, made.lobe_frequency_hz, ASSUMED_FRICTION_N, path_um)
     frequency_hz = seen.job.lobe_frequency_hz
     model = path_response(path, seen.machine).at(frequency_hz)
     off = abs(model / response.at(frequency_hz) - 1.0)

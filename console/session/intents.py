@@ -10,6 +10,8 @@ from drivers.snapshot import AxisName
 if TYPE_CHECKING:
     from drivers.cut import Strategy
     from profiles.job import Job
+    from profiles.learned import LearnedCompensation
+    from profiles.store import LoadedJob
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,11 +75,18 @@ class Forget:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """Plan, load, read back and check a cut; start is allowed for some seconds after it."""
+    """Plan, load, read back and check a cut; start is allowed for some seconds after it.
+
+    `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
+    `compensation` is what was learned of it, None the model's; `stage` is one of `console.session.stages.Stage`.
+    """
 
     job: Job
     job_sha256: str
     strategy: Strategy
+    loaded: LoadedJob | None = None
+    compensation: LearnedCompensation | None = None
+    stage: str = "full"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

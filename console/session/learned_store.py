@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import quote
 
@@ -15,6 +16,11 @@ from profiles.store import LoadedJob, LoadedMachine
 FOLDER = "learned"
 CAP_BYTES = 1_000_000
 NONE, NEWEST = "none", "newest"
+
+
+def utc_now() -> str:
+    """Return the date that a version gets, after ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def asked_for(job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulated: bool) -> HoldsFor:

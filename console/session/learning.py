@@ -2,11 +2,13 @@
 
 In air the command is learned until the tool does what is wanted; friction makes the response depend on how large
 the motion is, so it is done with the motion of the cut itself. In the cut a trim takes away what the cutting force
-adds. The measured part then says what else should have been wanted.
+adds. The measured part then says what else should have been wanted. A wave that grows instead, in air or from part
+to part, goes back to its best and is learned no more.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -19,16 +21,23 @@ from console.session.stages import Stage, air_mm
 from console.session.telemetry import CutFigures
 from drivers.cut import CutPlan, Strategy, nominal_command, plan_cut
 from drivers.cut_gather import Batch
+from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
+from profiles.chucking.job_grip import force_sd_n, lobe_um_per_n
 from profiles.compensation import CutPath, wanted_path
+from profiles.friction import held_back_um
 from profiles.job import Job
 from profiles.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part
+from profiles.learning_watch import Grown, Watch
 from profiles.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.traces import Trace
 
-AIR_PASSES = 3
+AIR_PASSES, MOST_AIR_PASSES = 3, 8
+AIR_ENOUGH_UM_PP = 1.0
+"""So many passes in air, and more while the lobe is off by more: a short swing begins inside of its friction."""
+
 AIR_TURNS = 30
 
 OVERTONES = (2, 3)
@@ -43,7 +52,8 @@ class LearnedPart:
     """One part: how round it is, what the tool did, and the path and the trim that it was cut with.
 
     `tool_off` is what the tool was off in the middle of the cut, `air_um` the lobe's error in each pass of air in
-    front of this part, peak to peak.
+    front of this part, peak to peak. `learned` are the waves in a turn that the part has changed for the next one,
+    `grown` those that are learned no more.
     """
 
     roundness: RoundnessResult
@@ -53,6 +63,8 @@ class LearnedPart:
     tool_off: Deviation
     air_um: tuple[float, ...]
     part_gain: float
+    learned: tuple[int, ...]
+    grown: tuple[Grown, ...]
     collisions: tuple[str, ...]
 
 
@@ -64,6 +76,19 @@ class LearnResult:
     before: RoundnessResult
     floor: RoundnessResult
     parts: tuple[LearnedPart, ...]
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """What was not learned: `learning.grew`, an amplitude each."""
+        return tuple(
+            Problem(
+                code="learning.grew",
+                key=f"{each.waves}/rev",
+                value=f"{each.grown_um:.2f} um",
+                limit=f"{each.best_um:.2f} um",
+            )
+            for each in self.parts[-1].grown
+        )
 
 
 Tell = Callable[[str, Step, str], None]
@@ -115,6 +140,10 @@ def _named(tell: Tell, part: str, number: int) -> Callable[[Step, str], None]:
     return lambda step, detail: tell(part, step, f"{number} · {detail}" if detail else f"{number}")
 
 
+def _of_the_axis(problem: Problem) -> Problem:
+    return replace(problem, code="learning.axis_beyond") if problem.code == "path.beyond" else problem
+
+
 class _Learner:
     """One machine, and the path as it is known by now."""
 
@@ -123,6 +152,7 @@ class _Learner:
         self._job, self._machine = plan.job, plan.machine
         wanted = wanted_path(plan.job)
         self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, Strategy.CAM))
+        self._watch = Watch()
         self._air_um: list[float] = []
         self._homed = False
 
@@ -159,46 +189,87 @@ class _Learner:
         # Some turns of the same feed, over the end of the part.
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
         shop = replace(self._shop, clamp=lambda _: None, measure=None)
-        for number in range(1, AIR_PASSES + 1):
-            plan = self._planned(short, air_mm=air_mm(job, Stage.AIR))
+        for number in range(1, MOST_AIR_PASSES + 1):
+            if number > AIR_PASSES and self._right_in_air:
+                break
+            plan = self._planned_in_air(short)
             watch = AirWatch(shop.lathe, job.jaws)
             self._cut(shop, short, plan, "air", watch, number)
             off = self._off(watch.last())
-            self._path = learned_command(self._path, self._learnable(off), self._response)
             self._air_um.append(2.0 * abs(off.coefficients_um[job.jaws]))
+            self._learn_in_air(off)
+        self._watch = self._watch.afresh()
+
+    @property
+    def _right_in_air(self) -> bool:
+        """Whether another pass in air would teach nothing that matters."""
+        return not self._learns_lobe or self._air_um[-1] <= AIR_ENOUGH_UM_PP
+
+    @property
+    def _learns_lobe(self) -> bool:
+        return self._job.jaws not in self._watch.frozen
+
+    def _learn_in_air(self, off: HarmonicFit) -> None:
+        left = self._learnable(off)
+        # What friction makes of an overtone comes with the swing of the lobe, which is being learned.
+        allowed = {n: 0.0 if n == self._job.jaws else held_back_um(self._machine, self._job, n) for n in left}
+        self._watch = self._watch.judged(self._path, left, lambda _: off.amplitude_sd_um, allowed.__getitem__)
+        self._path = learned_command(self._watch.kept(self._path), self._watch.learned(left), self._response)
 
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn within it, and from its trace for the next one."""
         plan = self._planned(self._job, trimmed=True)
-        watch = CutLearner(self._shop.lathe, self._job, self._off)
+        watch = CutLearner(self._shop.lathe, self._job, self._off, trims=self._learns_lobe)
         outcome = self._cut(self._shop, self._job, plan, "part", watch, number)
         watch.refuse_failed()
         trace = _measured(outcome.trace)
         off, trim_um = watch.in_the_middle()
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
-        made = LearnedPart(
+        cut_with = self._path
+        learned = self._learn_from(trim_um, trace, off, gain)
+        return LearnedPart(
             roundness=evaluated(trace),
             figures=outcome.figures,
-            path=self._path,
+            path=cut_with,
             trim_um=trim_um,
             tool_off=off,
             air_um=tuple(self._air_um) if number == 1 else (),
             part_gain=gain,
+            learned=learned,
+            grown=self._watch.grown,
             collisions=outcome.collisions,
         )
-        self._path = self._learned(trim_um, trace, off, gain)
-        return made
 
-    def _learned(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> CutPath:
-        """Return the path with the trim in its table, and with what the part has shown."""
+    def _learn_from(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> tuple[int, ...]:
+        """Put the trim into the table, and what the part has shown; return the waves that were learned."""
         job = self._job
         found = fit_harmonics(trace.angle_deg, trace.deviation_um, self._orders)
-        part = Deviation(mean_um=found.mean_um, coefficients_um=self._learnable(found, found.significant()))
-        tool = Deviation(mean_um=off.mean_um, coefficients_um=self._learnable(off))
         by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
         folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
         path = CutPath(wanted=self._path.wanted, command=folded)
-        return learned_part(path, part, tool, self._response, gain)
+        # Another clamping has another lobe, whatever the tool does.
+        scatter_um = {job.jaws: 0.5 * lobe_um_per_n(job, self._machine) * force_sd_n(job, self._machine)}
+        self._watch = self._watch.judged(
+            path, self._learnable(found), lambda n: math.hypot(found.amplitude_sd_um, scatter_um.get(n, 0.0))
+        )
+        high = self._watch.learned(self._learnable(found, found.significant()))
+        missed = self._watch.learned(self._learnable(off))
+        part = Deviation(mean_um=found.mean_um, coefficients_um=high)
+        tool = Deviation(mean_um=off.mean_um, coefficients_um=missed)
+        self._path = learned_part(self._watch.kept(path), part, tool, self._response, gain)
+        return tuple(sorted({*high, *missed}))
+
+    def _planned_in_air(self, job: Job) -> CutPlan:
+        """Plan a pass in air; what is beyond all bounds there is the axis, for nothing else was measured yet.
+
+        Raises:
+            SessionError: `learning.axis_beyond`.
+            ProblemError: as `plan_cut`.
+        """
+        try:
+            return self._planned(job, air_mm=air_mm(job, Stage.AIR))
+        except DriverError as error:
+            raise SessionError(*map(_of_the_axis, error.problems)) from error
 
     def _planned(self, job: Job, *, air_mm: float = 0.0, trimmed: bool = False) -> CutPlan:
         plan = plan_cut(

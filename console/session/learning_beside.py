@@ -54,10 +54,10 @@ class AirWatch:
 
 
 class CutLearner:
-    """Trims a cut by what the tool is off in it, a batch at a time."""
+    """Trims a cut by what the tool is off in it, a batch at a time; one that does not `trims` only looks on."""
 
-    def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit]) -> None:
-        self._lathe, self._job, self._off = lathe, job, off
+    def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True) -> None:
+        self._lathe, self._job, self._off, self._trims = lathe, job, off, trims
         self._gather = lathe.batches()
         self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
         self._found: list[tuple[float, HarmonicFit, complex]] = []
@@ -93,7 +93,7 @@ class CutLearner:
     def _take(self, batch: Batch) -> None:
         found = self._off(batch)
         self._found.append((batch.past_middle_mm, found, self.trim_um))
-        if self._over:
+        if self._over or not self._trims:
             return
         error_um = found.coefficients_um[self._job.jaws]
         self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from console.session.alignment import Alignment, JawAngle, aligned_job
 from console.session.errors import SessionError
 from console.session.identified_response import response_in
 from console.session.learned_store import NEWEST, asked_for, chosen, versions
-from console.session.made_parts import INVERTED, MadeWith, made_with, parts_made
+from console.session.made_parts import AS_FILED, CUT_JAW, INVERTED, MadeWith, made_with, parts_made
 from console.session.made_parts import MODEL as MADE_BY_MODEL
 from console.session.run import FILTER_UPR
 from console.session.stages import FOLLOWING, Stage, nominal_path
 from drivers.cut import Strategy
 from drivers.identification.nominal import nominal_response
 from profiles.chucking.holding import holding_of
+from profiles.chucking.job_grip import lobe_um_per_n
+from profiles.compensation import CutPath, wanted_path
 from profiles.files import printable
 from profiles.job import Job
 from profiles.learned import MODEL, LearnedCompensation, again, model_again
+from profiles.learning_watch import coefficient_of
 from profiles.machine import MachineProfile
 from profiles.next_version import CutWith, Lesson, next_version
-from profiles.part_waves import part_waves
+from profiles.part_waves import PartWaves, part_waves
 from profiles.path_bounds import MOST_WAVES
 from profiles.problem import Problem
 from profiles.response import AMPLIFICATION_LIMIT, ServoResponse
-from profiles.rules import lobe_um_per_n
 from profiles.store import LoadedJob, LoadedMachine
 from profiles.traces import Trace
 
@@ -40,13 +44,24 @@ LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LeftWave:
+    """A wave of the part, um p-p: what was left of it, and what the next part should have; `learned` or noise."""
+
+    waves: int
+    left_um_pp: float
+    expected_um_pp: float
+    learned: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Taught:
-    """A lesson, of which cut it is, and what does not spoil it."""
+    """A lesson, of which cut it is, what does not spoil it, and each wave that could be learned."""
 
     lesson: Lesson
     made: MadeWith
     stage: Stage
     warnings: tuple[Problem, ...]
+    waves: tuple[LeftWave, ...]
 
 
 def taught(
@@ -71,39 +86,115 @@ def taught(
             none that can be made (`learned.extra`); the version of the cut is not there, or for another job or
             machine; what the trace or the fit refuses.
     """
-    simulated = trace.meta.get(SIMULATED[0]) == SIMULATED[1]
-    asked = asked_for(job, machine, "", simulated=simulated)
+    asked = asked_for(job, machine, "", simulated=_simulated(trace))
     known = versions(data, asked)
     if said.get("compensation") == NEWEST and known:
         said = {**said, "compensation": str(known[-1].version)}
     if identified is not None:
         said = {**said, INVERTED: printable(identified.name)}
     made = made_with(said, trace.meta, parts_made(data, asked))
+    return taught_by(trace, job, machine, data, made, identified, gain=gain, robust=robust, date=date, extra=extra)
+
+
+def taught_by(
+    trace: Trace,
+    job: LoadedJob,
+    machine: LoadedMachine,
+    data: Path,
+    made: MadeWith,
+    identified: Path | None = None,
+    *,
+    gain: float | None,
+    robust: bool,
+    date: str,
+    extra: tuple[int, ...] = (),
+) -> Taught:
+    """Return what the trace of a part teaches that was `made` like that; the others as for `taught`.
+
+    Versions are kept with jaw 1 where the file of the job has it. A part that was cut with jaw 1 elsewhere is
+    turned there before anything is learned from it.
+
+    Raises:
+        ProblemError: as `taught`.
+    """
+    simulated = _simulated(trace)
     strategy, stage = _followed(made)
+    asked = asked_for(job, machine, strategy, simulated=simulated)
+    known = versions(data, asked)
     response = _inverted(made, machine.machine, identified, simulated=simulated)
-    asked = replace(asked, strategy=made.strategy)
     version = chosen(made.compensation, known, asked)
     path = nominal_path(job.job, machine.machine, strategy, response) if version is None else version.path
-    part = part_waves(trace, job.job, filter_upr=FILTER_UPR, extra=extra, robust=robust)
+    part = _part(trace, job.job, made, extra, robust=robust)
+    orders = _orders(job.job, machine.machine, strategy, extra)
     lesson = next_version(
-        CutWith(path=path, share=stage.share, version=version),
+        CutWith(path=path, share=stage.share, version=version, parent=_parent(version, known, job.job)),
         part,
         asked,
         job.job,
         number=_next(known),
         gain=gain,
-        orders=_orders(job.job, machine.machine, strategy, extra),
+        orders=orders,
         response=lambda n: nominal_response(strategy, machine.machine, _hz(job.job, n)),
         scatter_um=_scatter_um(job.job, machine.machine),
         date=date,
     )
-    return Taught(lesson=lesson, made=made, stage=stage, warnings=part.warnings)
+    waves = tuple(_left(n, part, lesson, path, stage) for n in orders)
+    return Taught(lesson=lesson, made=made, stage=stage, warnings=part.warnings, waves=waves)
+
+
+def _simulated(trace: Trace) -> bool:
+    return trace.meta.get(SIMULATED[0]) == SIMULATED[1]
+
+
+def _part(trace: Trace, job: Job, made: MadeWith, extra: tuple[int, ...], *, robust: bool) -> PartWaves:
+    """Return the waves of a part, turned to where the file of its job has jaw 1."""
+    as_cut = _as_cut(job, made)
+    part = part_waves(trace, as_cut, filter_upr=FILTER_UPR, extra=extra, robust=robust)
+    return part.turned(job.lobe_phase_deg - as_cut.lobe_phase_deg)
+
+
+def _as_cut(job: Job, made: MadeWith) -> Job:
+    """Return the job with jaw 1 where it was found for its cut.
+
+    Raises:
+        SessionError: `learned.bad_stage`, a trace says something else than an angle.
+    """
+    if made.cut_jaw_1_deg == AS_FILED:
+        return job
+    try:
+        jaw_1_deg = float(made.cut_jaw_1_deg)
+    except ValueError:
+        jaw_1_deg = math.nan
+    if not 0.0 <= jaw_1_deg < 360.0:
+        limit = f"{AS_FILED} | 0 … 360 deg"
+        raise SessionError(Problem(code="learned.bad_stage", key=CUT_JAW, value=made.cut_jaw_1_deg, limit=limit))
+    found = aligned_job(job, Alignment(jaw=JawAngle(angle_deg=jaw_1_deg, at="")))
+    return replace(found, assumed=tuple(key for key in job.assumed if key != "lobe_phase_deg"))
+
+
+def _left(n: int, part: PartWaves, lesson: Lesson, path: CutPath, stage: Stage) -> LeftWave:
+    """Return a wave of the part, which gets lower by as much as the tool goes deeper."""
+    left = part.coefficients_um[n]
+    deeper = coefficient_of(lesson.next.path.wanted, n) - stage.share * coefficient_of(path.wanted, n)
+    return LeftWave(
+        waves=n,
+        left_um_pp=2.0 * abs(left),
+        expected_um_pp=2.0 * abs(left - deeper),
+        learned=n in lesson.learned,
+    )
 
 
 def reverted(
-    number: int, job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool, date: str
+    number: int,
+    job: LoadedJob,
+    machine: LoadedMachine,
+    data: Path,
+    *,
+    simulated: bool,
+    date: str,
+    strategy: str | None = None,
 ) -> LearnedCompensation:
-    """Return an older version as the newest; 0 is the model, for the strategy of the newest.
+    """Return an older version as the newest; 0 is the model, for `strategy`, by default that of the newest.
 
     Raises:
         SessionError: as `chosen`.
@@ -112,7 +203,8 @@ def reverted(
     asked = asked_for(job, machine, "", simulated=simulated)
     known = versions(data, asked)
     strategies = {each.version: each.holds_for.strategy for each in known}
-    strategy = strategies.get(number, strategies[known[-1].version] if known else "")
+    newest = strategies[known[-1].version] if known else ""
+    strategy = strategies.get(number, newest if strategy is None else strategy)
     asked = replace(asked, strategy=strategy)
     if number != MODEL or not known:
         older = chosen(str(number), known, asked)
@@ -120,6 +212,17 @@ def reverted(
         return again(older, _next(known), date)
     path = nominal_path(job.job, machine.machine, Strategy(strategy))
     return model_again(asked, path, _next(known), date)
+
+
+def _parent(
+    version: LearnedCompensation | None, known: tuple[LearnedCompensation, ...], job: Job
+) -> CutPath | None:
+    """Return the path of the part that a version was learned from, of which the wanted one matters."""
+    if version is None:
+        return None
+    if version.parent == MODEL:
+        return CutPath(wanted=wanted_path(job), command=wanted_path(job))
+    return next((each.path for each in known if each.version == version.parent), None)
 
 
 def _next(known: tuple[LearnedCompensation, ...]) -> int:

@@ -22,47 +22,68 @@ ORDER BY events.at_utc DESC
 """
 
 
+INVERTED, MODEL = "inverted", "model"
+
+CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MadeWith:
     """How a part was cut: the version of the compensation ("none": nothing learned), the strategy, the stage.
 
-    `inverted` names the response that was inverted where nothing was learned.
+    `inverted` names the response that was inverted where nothing was learned. `cut_jaw_1_deg` is the spindle angle
+    at which jaw 1 was found for it, "file" where it is that of the job's file: what was learned was turned by the
+    difference.
     """
 
     compensation: str
     strategy: str
     stage: str
     inverted: str
+    cut_jaw_1_deg: str = AS_FILED
 
     def __str__(self) -> str:
         return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}"
 
+    @property
+    def version(self) -> str | None:
+        """The version that was learned, None where it is the model's."""
+        return None if self.compensation == NONE else self.compensation
+
+    def event(self) -> dict[str, object]:
+        """Return it as the run record keeps it."""
+        jaw_1_deg = None if self.cut_jaw_1_deg == AS_FILED else float(self.cut_jaw_1_deg)
+        version = None if self.version is None else int(self.version)
+        return {**asdict(self), "compensation": version, CUT_JAW: jaw_1_deg}
+
 
 KEYS = ("compensation", "strategy", "stage")
-"""What has to be known of a cut; `inverted` is the model's response unless something says otherwise."""
+"""What has to be known of a cut."""
 
-INVERTED, MODEL = "inverted", "model"
+_ALL_KEYS = (*KEYS, INVERTED, CUT_JAW)
+"""The others are the model's response and jaw 1 as it is filed, unless something says otherwise."""
 
 
 def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
     """Return how a part was cut, of which `said` and the header lines of its `trace` state something.
 
-    What neither states is that of the last part in `made`, newest first; None is one that was cut on the screen.
+    What neither states is that of the last part in `made`, newest first; None is one of which the record says
+    nothing but that it was cut.
 
     Raises:
         SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
             `learned.cut_unknown`, nobody says it.
     """
-    stated = {key: trace[key] for key in (*KEYS, INVERTED) if key in trace}
-    for key in (*KEYS, INVERTED):
+    stated = {key: trace[key] for key in _ALL_KEYS if key in trace}
+    for key in _ALL_KEYS:
         if key in said and stated.setdefault(key, said[key]) != said[key]:
             raise _other(key, said[key], stated[key])
     known = [each for each in made if each is not None]
     fitting = [each for each in known if stated.items() <= asdict(each).items()]
     missing = [key for key in KEYS if key not in stated]
-    if not missing and (INVERTED in stated or not fitting):
+    if not missing and not fitting:
         whole = MadeWith(**{INVERTED: MODEL, **stated})
-        if known and not fitting and None not in made:
+        if known and None not in made:
             raise _other("", str(whole), " | ".join(dict.fromkeys(map(str, known))))
         return whole
     if (made and made[0] is None and "compensation" in missing) or not fitting:
@@ -75,7 +96,7 @@ def _other(key: str, value: str, limit: str) -> SessionError:
 
 
 def parts_made(folder: Path, asked: HoldsFor) -> list[MadeWith | None]:
-    """Return how the parts of this job on this machine were cut, newest first, None for those of the screen.
+    """Return how the parts of this job on this machine were cut, newest first, None where the record does not say.
 
     Raises:
         SessionError: `record.unreadable`.
@@ -101,15 +122,22 @@ def parts_made(folder: Path, asked: HoldsFor) -> list[MadeWith | None]:
 
 def _made(kind: str, data: str) -> list[MadeWith | None]:
     """Return the part of an event; nothing for a cut in air, or parts in a row, which learn by themselves."""
-    if kind == "cut":
-        return [None]
     try:
         event = json.loads(data)
         strategy, stage, inverted = (str(event[key]) for key in ("strategy", "stage", INVERTED))
-        version = event["compensation"]
+        version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
     except (ValueError, TypeError, KeyError):
-        return []  # written by another version of the console
+        # Written by another version of the console; of a cut on the screen it did not say how it was made.
+        return [None] if kind == "cut" else []
     if stage == Stage.AIR or "passes" in event:
         return []
     compensation = NONE if version is None else str(version)
-    return [MadeWith(compensation=compensation, strategy=strategy, stage=stage, inverted=inverted)]
+    return [
+        MadeWith(
+            compensation=compensation,
+            strategy=strategy,
+            stage=stage,
+            inverted=inverted,
+            cut_jaw_1_deg=AS_FILED if jaw_1_deg is None else str(jaw_1_deg),
+        )
+    ]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 from pathlib import Path
 
+from console.session.alarms import Priority
+from console.session.calibrated_chuck import warnings_of
 from console.session.commissioned import Commissioned
 from console.session.link_thread import Opened
 from console.session.reaching import reach
@@ -44,6 +46,8 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
         ),
     )
     place.tell(address=reached.address)
+    for problem in warnings_of(machine):
+        place.alarm(problem, Priority.LOW)
     seen.append(Station(place))
     return Opened(station=seen[0], stop=reached.stop, close=reached.close)
 

@@ -37,6 +37,7 @@ from console.session.intents import (
 )
 from console.session.interlocks import of_job, refuse_unless
 from console.session.jogging import is_too_long, longest_toward_mm
+from console.session.part_lesson import lesson_of
 from console.session.run import FILTER_UPR
 from console.session.sequence import tool_clear
 from console.session.state import Activity, MeasuredPart
@@ -235,6 +236,7 @@ def measure(place: Workplace, _: Measure) -> None:
         result=result,
         jaw_1_deg=started.job.jaw_1_deg,
         marks_mm=place.state.marks_mm,
+        lesson=lesson_of(started, trace, place.loaded_machine, place.records),
     )
     place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
     place.end_record()

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 from drivers.cut import Strategy, nominal_command
 from drivers.identification.nominal import path_response
-from profiles.compensation import LobedPath, residual_um_pp, wanted_path
+from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
+from profiles.compensation import CutPath, LobedPath, residual_um_pp, wanted_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.response import ServoResponse
-from profiles.rules import Finding, centrifugal_loss_n, check, grip_margin_n, needed_grip_n
+from profiles.rules import Finding, check
 from profiles.servo import DriveNeed, drive_need, eq9_response, sampled_response
 
 INVERTING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
@@ -46,7 +47,8 @@ class Outlook:
     """A job on a machine as far as it takes no program: fast enough to follow every key.
 
     `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `wanted`;
-    where it inverts nothing these are of `pvt`. `shares` are those of the sine of the command.
+    where it inverts nothing these are of `pvt`. `shares` are those of the sine of the command, at the speed of the
+    job.
     """
 
     job: Job
@@ -64,17 +66,24 @@ class Outlook:
 
 
 def outlook(
-    job: Job, machine: MachineProfile, strategy: Strategy = Strategy.PVT, response: ServoResponse | None = None
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy = Strategy.PVT,
+    response: ServoResponse | None = None,
+    *,
+    path: CutPath | None = None,
 ) -> Outlook:
     """Compute the outlook; `response` is that of the path of `strategy`, by default by the machine profile.
+
+    `path` is what was learned of a cut with `strategy`, with its own command, as that of `drivers.cut.plan_cut`.
 
     Raises:
         ProblemError: `response.amplified`, `response.outside_band`, `response.too_sparse`: the axis cannot be
             inverted at this speed.
     """
-    path = strategy if strategy in INVERTING else Strategy.PVT
-    inverted = path_response(path, machine) if response is None else response
-    command = nominal_command(job, machine, path, inverted)
+    inverting = strategy if strategy in INVERTING else Strategy.PVT
+    inverted = path_response(inverting, machine) if response is None else response
+    command = nominal_command(job, machine, inverting, inverted) if path is None else path.command
     frequency_hz = job.lobe_frequency_hz
     need = drive_need(machine, command.amplitude_um, frequency_hz)
     return Outlook(
@@ -82,7 +91,7 @@ def outlook(
         machine=machine,
         strategy=strategy,
         response=inverted,
-        wanted=wanted_path(job),
+        wanted=wanted_path(job) if path is None else path.wanted,
         command=command,
         eq9=response_of(job, complex(eq9_response(machine, frequency_hz))),
         sampled=response_of(job, complex(sampled_response(machine, frequency_hz))),

@@ -2,194 +2,170 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from itertools import accumulate
+import gc
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from console.session.outlook import Outlook, Response, Share, outlook, response_of, shares_of
+from console.session.outlook import Outlook, Response, Share, outlook
+from console.session.predicted import Prediction, predict
 from drivers.cut import CutPlan, Strategy, plan_cut
-from drivers.identification.nominal import loop_response
-from drivers.pmac.check import CheckedProgram
-from drivers.pmac.trajectory.pieces import Piece, position_at
-from profiles.compensation import free_state_lobe
+from profiles.compensation import CutPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
-from profiles.response import ServoResponse, Source
-from profiles.servo import Eq9Summary, drive_need, eq9_summary, sampled_response
+from profiles.response import ServoResponse
+from profiles.servo import Eq9Summary, eq9_summary
 
-__all__ = ["Prediction", "Preview", "Response", "Share", "followed", "predict", "preview"]
-
-FloatArray = NDArray[np.float64]
-
-TURN_POINTS = 720
-"""Points of a turn at which a path is computed: 120 in each move of the paper's program."""
-
-_STEADY_FROM = 0.4
-"""Share of the feed after which the turn that is looked at begins: far from how the cut begins and ends."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prediction:
-    """What one program makes of the part, over one turn of the steady cut; every array has shape (TURN_POINTS,).
-
-    `angle_deg` are spindle angles, rising in [0, 360). `command_um` is the tool as the program has it, `path_um`
-    as the servo follows that, both um of infeed from the surface of the blank. `residual_um` is the deviation of
-    the released part, positive where it is high, mean 0. The arrays are read only. `response` is that of the loop
-    at `lobe_frequency_hz`, `shares` are the needs of a sine with the stroke of the program, both at the speed that
-    the program reaches.
-    """
-
-    angle_deg: FloatArray
-    command_um: FloatArray
-    path_um: FloatArray
-    residual_um: FloatArray
-    lobe_frequency_hz: float
-    response: Response
-    shares: dict[str, Share]
-
-    @property
-    def ront_um(self) -> float:
-        """Roundness that is left, peak to peak."""
-        return float(np.ptp(self.residual_um))
-
-    @property
-    def stroke_um(self) -> float:
-        """Way of the tool as the program has it, peak to peak."""
-        return float(np.ptp(self.command_um))
-
-    @property
-    def mean_um(self) -> float:
-        """Mean depth of the cut on the radius."""
-        return float(np.mean(self.path_um))
+__all__ = [
+    "Asked",
+    "Prediction",
+    "Preview",
+    "Program",
+    "Response",
+    "Share",
+    "Underway",
+    "all_asked",
+    "preview",
+    "program_of",
+    "underway",
+    "whole",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Preview(Outlook):
-    """Everything that is known of a job on a machine without moving it: the outlook, and every program.
+class Asked:
+    """What one program is made of, see `drivers.cut.plan_cut`."""
 
-    `predictions` has every strategy that can be planned.
+    job: Job
+    machine: MachineProfile
+    strategy: Strategy
+    response: ServoResponse | None = None
+    path: CutPath | None = None
+    air_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """What became of the program of a strategy: the plan and what it leaves, or why there is none.
+
+    The moves of the plan are not in it: thousands of them, and what is made of them is in `prediction`.
     """
 
-    eq9_loop: Eq9Summary
+    plan: CutPlan | ProblemError
+    prediction: Prediction | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Underway(Outlook):
+    """A job on a machine while its programs are run through: the outlook, and every program that is there.
+
+    `strategies` says of those what became of them, `predictions` has those that can be planned. `eq9_loop` is None
+    until it is known.
+    """
+
+    eq9_loop: Eq9Summary | None
     strategies: dict[Strategy, CutPlan | ProblemError]
     predictions: dict[Strategy, Prediction]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preview(Underway):
+    """Everything that is known of a job on a machine without moving it: the outlook, and every program."""
+
+    eq9_loop: Eq9Summary
+
+
 def preview(
-    job: Job, machine: MachineProfile, strategy: Strategy = Strategy.PVT, response: ServoResponse | None = None
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy = Strategy.PVT,
+    response: ServoResponse | None = None,
+    *,
+    path: CutPath | None = None,
 ) -> Preview:
     """Compute the preview of a job; `response` is that of the path of `strategy`, by default by the profile.
+
+    `path` is what was learned of a cut with `strategy`, with its own command.
 
     Raises:
         ProblemError: as `outlook`, the axis cannot follow at this speed at all.
     """
-    seen = outlook(job, machine, strategy, response)
-    inverted = {strategy: response}
-    strategies = {each: _planned(job, machine, each, inverted.get(each)) for each in tuple(Strategy)}
-    plans = {each: plan for each, plan in strategies.items() if isinstance(plan, CutPlan)}
-    return Preview(
-        **{field.name: getattr(seen, field.name) for field in fields(seen)},
-        eq9_loop=eq9_summary(machine),
-        strategies=strategies,
-        predictions={each: predict(job, machine, plan, inverted.get(each)) for each, plan in plans.items()},
+    seen = outlook(job, machine, strategy, response, path=path)
+    programs = {each.strategy: program_of(each) for each in all_asked(job, machine, strategy, response, path)}
+    return whole(seen, eq9_summary(machine), programs)
+
+
+def all_asked(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    response: ServoResponse | None,
+    path: CutPath | None,
+    air_mm: float = 0.0,
+) -> tuple[Asked, ...]:
+    """Return what the programs of all strategies are made of; the last three are those of `strategy` alone."""
+    return tuple(
+        Asked(job=job, machine=machine, strategy=each, response=response, path=path, air_mm=air_mm)
+        if each is strategy
+        else Asked(job=job, machine=machine, strategy=each)
+        for each in Strategy
     )
 
 
-def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None = None) -> Prediction:
-    """Return what a planned cut makes of the part.
-
-    The motion is that of the program, move by move; the spindle follows it exactly, the tool as the nominal servo
-    does, and at the lobe frequency as it was identified, where `response` is such, and of the path of this plan.
-    Neither the cutting force nor what nobody has measured of the machine is in it.
-    """
-    angle_deg, command_um = _steady_turn(machine, plan)
-    known = _identified(job, machine, plan, response)
-    path_um = followed(machine, command_um, plan.spindle_speed_rpm, known)
-    missing_um = free_state_lobe(job).at_um(angle_deg) - path_um
-    frequency_hz = job.jaws * plan.spindle_speed_rpm / 60.0
-    order = np.argsort(angle_deg, kind="stable")
-    need = drive_need(machine, 0.5 * float(np.ptp(command_um)), frequency_hz)
-    return Prediction(
-        angle_deg=_kept(angle_deg[order]),
-        command_um=_kept(command_um[order]),
-        path_um=_kept(path_um[order]),
-        residual_um=_kept((missing_um - missing_um.mean())[order]),
-        lobe_frequency_hz=frequency_hz,
-        response=response_of(job, known.get(job.jaws, complex(sampled_response(machine, frequency_hz)))),
-        shares=shares_of(machine, need),
-    )
+def program_of(asked: Asked) -> Program:
+    """Plan one program, run it through, and predict what it leaves."""
+    with _no_collections():
+        return _made(asked)
 
 
-def followed(
-    machine: MachineProfile, command: FloatArray, speed_rpm: float, known: Mapping[int, complex] | None = None
-) -> FloatArray:
-    """Return how the tool servo follows one turn of a motion that comes again every turn.
-
-    `command` are points at equal times, in any unit; the result is in the same. Each frequency passes through the
-    response of the sampled loop, or through that of `known` for its number of waves in a turn; what lies above
-    half of the loop's frequency is left out.
-    """
-    spectrum = np.fft.rfft(command)
-    frequency_hz = np.arange(spectrum.size) * speed_rpm / 60.0
-    heard = frequency_hz < 500.0 / machine.controller.servo_period_ms
-    loop = np.zeros(spectrum.size, dtype=np.complex128)
-    loop[heard] = sampled_response(machine, frequency_hz[heard])
-    for waves, response in (known or {}).items():
-        loop[waves] = response
-    return np.fft.irfft(loop * spectrum, command.size)
-
-
-def _identified(
-    job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None
-) -> dict[int, complex]:
-    """Return the loop by its number of waves in a turn, where it was identified."""
-    if response is None or response.source is not Source.IDENTIFIED:
-        return {}
-    return {job.jaws: loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)}
-
-
-def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, FloatArray]:
-    """Return spindle angles (deg, in [0, 360)) and infeed (um) of one turn, at points of equal times."""
-    checked = plan.checked
-    pieces = [piece for move in checked.moves for piece in move.pieces]
-    ends_ms = list(accumulate(piece.duration_ms for piece in pieces))
-    carriage = checked.motors.index(machine.carriage.motor)
-    begins = plan.carriage_start + _STEADY_FROM * plan.setup.carriage_counts
-    first = next(i for i, piece in enumerate(pieces) if piece.cubics[carriage][0] >= begins)
-    instants_ms = ends_ms[first] + 60_000.0 / plan.spindle_speed_rpm * np.arange(TURN_POINTS) / TURN_POINTS
-    places = [_at(pieces, ends_ms, float(instant)) for instant in instants_ms]
-    spindle, tool = (_positions(checked, places, motor) for motor in (machine.spindle.motor, machine.tool.motor))
-    return (
-        np.mod(360.0 * spindle / machine.spindle.counts_per_rev, 360.0),
-        (tool - plan.setup.surface) * machine.tool.count_um,
-    )
-
-
-def _at(pieces: Sequence[Piece], ends_ms: Sequence[float], instant_ms: float) -> tuple[Piece, float]:
-    """Return the piece that runs at an instant, and the time since it began, ms."""
-    place = min(bisect_right(ends_ms, instant_ms), len(pieces) - 1)
-    return pieces[place], instant_ms - (ends_ms[place] - pieces[place].duration_ms)
-
-
-def _positions(checked: CheckedProgram, places: Sequence[tuple[Piece, float]], motor: int) -> FloatArray:
-    index = checked.motors.index(motor)
-    return np.array([position_at(piece.cubics[index], time_ms) for piece, time_ms in places])
-
-
-def _kept(values: FloatArray) -> FloatArray:
-    values.setflags(write=False)
-    return values
-
-
-def _planned(
-    job: Job, machine: MachineProfile, strategy: Strategy, response: ServoResponse | None
-) -> CutPlan | ProblemError:
+def _made(asked: Asked) -> Program:
     try:
-        return plan_cut(job, machine, strategy, response=response)
+        plan = plan_cut(
+            asked.job,
+            asked.machine,
+            asked.strategy,
+            path=asked.path,
+            response=asked.response,
+            air_mm=asked.air_mm,
+        )
     except ProblemError as error:
-        return error
+        return Program(plan=error, prediction=None)
+    prediction = predict(asked.job, asked.machine, plan, asked.response)
+    return Program(plan=replace(plan, checked=replace(plan.checked, moves=())), prediction=prediction)
+
+
+@contextmanager
+def _no_collections() -> Iterator[None]:
+    """Keep the collector away for as long as a program takes.
+
+    Its moves would set off one collection after the other of everything there is, and no key is heard meanwhile.
+    They need none: there is no circle in them.
+    """
+    collected = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collected:
+            gc.enable()
+
+
+def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strategy, Program]) -> Underway:
+    """Return an outlook with the programs that are there."""
+    return Underway(eq9_loop=eq9_loop, **_with_programs(seen, programs))
+
+
+def whole(seen: Outlook, eq9_loop: Eq9Summary, programs: Mapping[Strategy, Program]) -> Preview:
+    """Return an outlook with all programs."""
+    return Preview(eq9_loop=eq9_loop, **_with_programs(seen, programs))
+
+
+def _with_programs(seen: Outlook, programs: Mapping[Strategy, Program]) -> dict[str, Any]:
+    made = {each: programs[each] for each in Strategy if each in programs}
+    return {
+        **{field.name: getattr(seen, field.name) for field in fields(Outlook)},
+        "strategies": {each: program.plan for each, program in made.items()},
+        "predictions": {each: p.prediction for each, p in made.items() if p.prediction is not None},
+    }

@@ -62,6 +62,7 @@ class CutProgress:
     is False where the strategy follows no lobe: the tool error is then the lobe itself, and there is no phase.
     `synchronisation` is None where there is nothing to keep together, or too little was seen of it. `ripple` is
     how the speed of the spindle swings within a turn, by the last looks in the part; None where it cannot be told.
+    A cut `in_air` has all of it beside the part, so far out as it was planned.
     """
 
     stage: CutStage
@@ -85,6 +86,7 @@ class CutProgress:
     judged: bool = True
     synchronisation: Synchronisation | None = None
     ripple: SpindleRipple | None = None
+    in_air: bool = False
 
     @property
     def in_phase(self) -> bool | None:
@@ -114,8 +116,9 @@ class CutProgress:
 class CutWatch:
     """Follows one cut. `see` is called with every look; it belongs to the link thread."""
 
-    def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
+    def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False) -> None:
         self._plan, self._job, self._machine = plan, job, machine
+        self._in_air = in_air
         self._telemetry = Telemetry(plan, machine, job.cut_length_mm)
         end = plan.carriage_start + plan.setup.carriage_counts
         self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
@@ -190,6 +193,7 @@ class CutWatch:
             judged=self._judged,
             synchronisation=self._synchronisation(snapshot, stage, speed_rpm, is_in_phase(phase_error_deg)),
             ripple=self._ripple(),
+            in_air=self._in_air,
             angles_deg=angles,
             errors_um=errors,
         )

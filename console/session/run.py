@@ -101,17 +101,19 @@ def plan_run(
     path: CutPath | None = None,
     compensation: int | None = None,
     inverted: str = "",
+    simulated: bool = False,
 ) -> RunPlan:
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
 
     `where` is the file that a refusal of the job names, `lease` the condition without which a program ends. `path`
     was learned, as version `compensation`, or inverts the response that is named `inverted`; None is the model's.
+    `simulated`: no iron will be cut on, see `of_lobe`.
 
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
     zero = of_zero(machine, strategy, jaw_found=False)
-    refuse_unless(of_job(job, machine, where), zero, of_lobe(job, machine, strategy))
+    refuse_unless(of_job(job, machine, where), zero, of_lobe(job, machine, strategy, simulated=simulated))
     path = staged(job, machine, strategy, stage, path)
     cut = plan_cut(job, machine, strategy, ts_ms, lease=lease, path=path, air_mm=air_mm(job, stage))
     reference = None if stage is Stage.AIR else _reference(job, machine, cut, lease)

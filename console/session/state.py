@@ -17,10 +17,13 @@ from drivers.snapshot import Snapshot
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
+    from console.session.made_parts import MadeWith
+    from console.session.part_lesson import PartLesson
     from console.session.progress import CutProgress
     from drivers.cut import CutPlan, Strategy
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
+    from profiles.store import LoadedJob
     from profiles.traces import Trace
 
 
@@ -92,7 +95,8 @@ class StopState:
 class Armed:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
-    `alignment` is the one that it was armed on.
+    `alignment` is the one that it was armed on. `made` is how the part will have been cut, `loaded` the file of
+    the job, None where it was edited.
     """
 
     job: Job
@@ -100,13 +104,15 @@ class Armed:
     plan: CutPlan
     alignment: Alignment
     until_s: float
+    made: MadeWith
+    loaded: LoadedJob | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredPart:
     """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and what came of it.
 
-    `marks_mm` is where a stop left the tool in it, mm behind its face.
+    `marks_mm` is where a stop left the tool in it, mm behind its face. `lesson` is what it teaches of the next.
     """
 
     job: Job
@@ -115,6 +121,12 @@ class MeasuredPart:
     result: RoundnessResult
     jaw_1_deg: float
     marks_mm: tuple[float, ...] = ()
+    lesson: PartLesson | None = None
+
+    @property
+    def is_half(self) -> bool:
+        """Whether it was cut with half of its compensation: it was not meant to be round."""
+        return self.lesson is not None and self.lesson.made.stage == "partial"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -312,7 +312,8 @@ class Station:
         """
         place, state = self._place, self._place.state
         cut = state.cut if state.activity is Activity.CUTTING else None
-        mark_mm = self._behind_face_mm() if cut is not None and cut.stage is CutStage.CUT else None
+        in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
+        mark_mm = self._behind_face_mm() if in_part else None
         marks_mm = state.marks_mm if mark_mm is None else (*state.marks_mm, mark_mm)
         place.tell(stops=state.stops + 1, marks_mm=marks_mm)
         of_cut = cut is not None and cut.stage in RUNNING

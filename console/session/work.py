@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.job import JOB_FIELDS, Job
-from profiles.lobe_conditions import pinned
+from profiles.lobe_conditions import kept_condition
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, save_job
 
 if TYPE_CHECKING:
-    from console.session.preview import Preview
+    from console.session.preview import Preview, Underway
+    from profiles.learned import LearnedCompensation
+
+STAGES = ("full", "air", "partial")
+"""In the order in which a key steps through them; the values of `console.session.stages.Stage`."""
 
 STRATEGIES = ("pvt", "cam", "timebase", "paper", "none")
 """In the order in which a key steps through them; the values of `drivers.cut.Strategy`."""
@@ -31,14 +35,21 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 class Work:
     """One job on one machine. `job` is what would be cut; `loaded` is the file that it came from.
 
-    `preview` belongs to exactly this job and machine, None until it is computed; `preview_problems` say why it
-    cannot be. `undo` are the earlier values of the job, newest last.
+    `outlook` and `preview` belong to exactly this job and machine: `outlook` is what is known so far, at once
+    without a program, then with one after the other; `preview` is None until all are there. `preview_problems` say
+    why neither can be. `undo` are the earlier values of the job, newest last.
+
+    `compensation` is what was learned of this cut, None the model's. What is changed afterwards does not change
+    it: whether it still holds is judged, see `console.session.compensated`.
     """
 
     loaded: LoadedJob
     machine: LoadedMachine
     job: Job
     strategy: str = STRATEGIES[0]
+    compensation: LearnedCompensation | None = None
+    stage: str = STAGES[0]
+    outlook: Underway | None = None
     preview: Preview | None = None
     preview_problems: tuple[Problem, ...] = ()
     undo: tuple[Job, ...] = field(default=())
@@ -50,9 +61,8 @@ class Work:
 
 
 def opened(loaded: LoadedJob, machine: LoadedMachine) -> Work:
-    """Return the work on a job as it was saved. The cut that its error belongs to is pinned from here on."""
-    job = pinned(loaded.job)
-    return Work(loaded=replace(loaded, job=job), machine=machine, job=job)
+    """Return the work on a job as it was saved."""
+    return Work(loaded=loaded, machine=machine, job=loaded.job)
 
 
 def parsed(text: str, key: str) -> Any:
@@ -74,7 +84,7 @@ def edited(work: Work, key: str, text: str) -> Work:
     """Return the work with one field changed; what was computed of the old job is forgotten.
 
     A value that the operator gives is not an assumed one any more. One of the lobe was not found by anybody: the
-    error is an assumed one from then on.
+    error is an assumed one from then on. The error stays with the cut that it belongs to, see `kept_condition`.
 
     Raises:
         ProfileError: see `parsed`; the work stays as it is.
@@ -84,15 +94,16 @@ def edited(work: Work, key: str, text: str) -> Work:
         return work
     assumed = tuple(name for name in work.job.assumed if name != key)
     source = "assumed" if key in _OF_LOBE else work.job.lobe_error_source
-    job = replace(work.job, **{"assumed": assumed, "lobe_error_source": source, key: value})
-    return replace(work, job=job, undo=(*work.undo, work.job), preview=None, preview_problems=())
+    kept = kept_condition(work.loaded.job, key, value)
+    job = replace(work.job, **{"assumed": assumed, "lobe_error_source": source, **kept, key: value})
+    return replace(work, job=job, undo=(*work.undo, work.job), outlook=None, preview=None, preview_problems=())
 
 
 def undone(work: Work) -> Work:
     """Return the work before its last edit."""
     if not work.undo:
         return work
-    return replace(work, job=work.undo[-1], undo=work.undo[:-1], preview=None, preview_problems=())
+    return replace(work, job=work.undo[-1], undo=work.undo[:-1], outlook=None, preview=None, preview_problems=())
 
 
 def with_strategy(work: Work, strategy: str) -> Work:
@@ -102,6 +113,8 @@ def with_strategy(work: Work, strategy: str) -> Work:
 
 def saved_as(work: Work, name: str, folder: Path) -> Work:
     """Save the job under another name in `folder`, made if it is missing, and return the work on that file.
+
+    Of another job nothing was learned.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`, and the problems of the job; the work stays as it is.
@@ -113,7 +126,8 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
         problem = Problem(code="file.not_writable", where=str(folder), value=error.strerror or str(error))
         raise ProfileError(problem) from error
     save_job(replace(work.job, name=name), path)
-    return with_strategy(opened(load_job(str(path)), work.machine), work.strategy)
+    fresh = opened(load_job(str(path)), work.machine)
+    return replace(fresh, strategy=work.strategy, stage=work.stage)
 
 
 def _number(text: str, field_: Field) -> float | int | str:

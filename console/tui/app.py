@@ -17,6 +17,7 @@ from textual.driver import Driver
 
 from console.session.control import Control
 from console.text.catalogue import Catalogue
+from console.tui.chosen_path import ChosenPath
 from console.tui.desk import Desk, View
 from console.tui.driver import StopSent
 from console.tui.frame import Frame, alarm_row, keys_row, next_row, pages_row, state_row, stop_row
@@ -121,6 +122,7 @@ class ConsoleApp(App[None]):
         self._held = HeldKeys()
         self._collector_spared = False
         self._previewer = Previewer()
+        self._path = ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
         self._help = Sheet(palette, id="help")
         self._small = Sheet(palette, id="small")
@@ -163,7 +165,8 @@ class ConsoleApp(App[None]):
         self._spare_the_stop(state.may_move)
         desk.forget_stale_answer(state)
         if desk.work is not None and self._wants_preview(state.alignment.settings is not None):
-            desk.work = self._previewer.refreshed(desk.work, state.alignment)
+            path = self._path.of(desk.work, state.alignment, simulated=state.simulated)
+            desk.work = self._previewer.refreshed(desk.work, state.alignment, path=path)
         self.screen.set_class(self._is_small, "small")
         view = View(state=state, work=desk.work, now_s=desk.control.now_s())
         page = self._pages[self._page]

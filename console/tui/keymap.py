@@ -73,6 +73,8 @@ _SETUP = (
 
 _PREVIEW = (
     Action(id="preview.strategy", keys=("c", "ㅊ"), shown="c", page=PageName.PREVIEW),
+    Action(id="preview.learned", keys=("l", "ㅣ"), shown="l", page=PageName.PREVIEW),
+    Action(id="preview.stage", keys=("s", "ㄴ"), shown="s", page=PageName.PREVIEW),
     Action(id="preview.program", keys=("p", "ㅔ"), shown="p", page=PageName.PREVIEW),
     Action(id="preview.up", keys=("up", "pageup"), shown="↑", row="↑↓", page=PageName.PREVIEW),
     Action(id="preview.down", keys=("down", "pagedown"), shown="↓", row="", page=PageName.PREVIEW),
@@ -103,6 +105,8 @@ _RUN = (
 
 _INSPECT = (
     Action(id="inspect.measure", keys=("m", "ㅡ"), shown="m", page=PageName.INSPECT),
+    Action(id="inspect.accept", keys=("a", "ㅁ"), shown="a", page=PageName.INSPECT, once=True),
+    Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", page=PageName.INSPECT, once=True),
     Action(id="inspect.next", keys=("enter",), shown="Enter", page=PageName.INSPECT),
 )
 

@@ -1,61 +1,182 @@
-"""Computing the preview of the job in hand beside the screen, always of its newest version."""
+"""Computing the preview of the job in hand: its outlook at once, its programs beside the screen, one by one.
+
+The screen asks at every tick. What it is given are objects that nobody changes any more; what the two threads
+share are the newest question, the fault of one, and the programs that were made, each in a place of its own.
+"""
 
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from console.session.alignment import Alignment, aligned_job, aligned_machine
+from console.session.kept import Kept
 from console.session.work import Work
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
 if TYPE_CHECKING:
-    from console.session.preview import Preview
+    from console.session.outlook import Outlook
+    from console.session.preview import Asked, Preview, Program, Underway
+    from drivers.cut import Strategy
+    from profiles.compensation import CutPath
+    from profiles.response import ServoResponse
+    from profiles.servo import Eq9Summary
 
-Question = tuple[Job, MachineProfile]
+PROGRAMS_KEPT = 60
+"""Those of a dozen jobs: what an operator steps back and forth between."""
+
+LOOPS_KEPT = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What is to be foreseen; `response` and `path` are those of a cut with `strategy`, None for the model's.
+
+    A cut `in_air` has the same program further out.
+    """
+
+    job: Job
+    machine: MachineProfile
+    strategy: str
+    response: ServoResponse | None = None
+    path: CutPath | None = None
+    in_air: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Begun:
+    """A question, and what can be said of it at once; `asked` are its programs, that of its strategy first.
+
+    Where there is no outlook, `problems` say why, and nothing is asked.
+    """
+
+    question: Question
+    outlook: Outlook | None = None
+    asked: tuple[Asked, ...] = ()
+    problems: tuple[Problem, ...] = ()
 
 
 class Previewer:
-    """Answers one question at a time in a thread of its own; `refreshed` is asked at every tick."""
+    """Answers the newest question; `refreshed` is called at every tick, by the thread of the screen alone."""
 
     def __init__(self) -> None:
-        self._answer: tuple[Question, Preview | None, tuple[Problem, ...]] | None = None
+        self._programs: Kept[Asked, Program] = Kept(PROGRAMS_KEPT)
+        self._loops: Kept[MachineProfile, Eq9Summary] = Kept(LOOPS_KEPT)
+        self._begun: _Begun | None = None
+        self._fault: tuple[_Begun, Problem] | None = None
+        self._shown: tuple[_Begun, Eq9Summary | None, dict[Strategy, Program], Underway] | None = None
+        self._settled: tuple[Work, Alignment, ServoResponse | None, CutPath | None] | None = None
         self._thread: threading.Thread | None = None
-        self._settled: tuple[Work, Alignment] | None = None
 
-    def refreshed(self, work: Work, alignment: Alignment) -> Work:
-        """Return the work with the preview of exactly this job, where it is there; begin to compute it else.
+    def refreshed(
+        self,
+        work: Work,
+        alignment: Alignment,
+        *,
+        response: ServoResponse | None = None,
+        path: CutPath | None = None,
+    ) -> Work:
+        """Return the work with what is known of exactly this job by now; begin to compute the rest.
 
-        Jaw 1 is where the alignment found it, the tool tip where the touch-off did.
+        Jaw 1 is where the alignment found it, the tool tip where the touch-off did. `response` is what a cut with
+        the strategy of the work inverts, `path` what was learned of it.
         """
-        if self._settled is not None and self._settled[0] is work and self._settled[1] is alignment:
+        asked = (work, alignment, response, path)
+        if self._settled is not None and all(a is b for a, b in zip(self._settled, asked, strict=True)):
             return work
-        answered = self._answered(work, alignment)
-        self._settled = (answered, alignment) if answered.preview or answered.preview_problems else None
+        question = Question(
+            job=aligned_job(work.job, alignment),
+            machine=aligned_machine(work.machine.machine, alignment),
+            strategy=work.strategy,
+            response=response,
+            path=path,
+            in_air=work.stage == "air",
+        )
+        answered = self._answered(work, question)
+        done = answered.preview is not None or answered.preview_problems
+        self._settled = (answered, alignment, response, path) if done else None
         return answered
 
-    def _answered(self, work: Work, alignment: Alignment) -> Work:
-        question = (aligned_job(work.job, alignment), aligned_machine(work.machine.machine, alignment))
-        if self._answer is not None and self._answer[0] == question:
-            _, preview, problems = self._answer
-            if work.preview is preview and work.preview_problems == problems:
-                return work
-            return replace(work, preview=preview, preview_problems=problems)
-        if self._thread is None or not self._thread.is_alive():
-            self._thread = threading.Thread(target=self._compute, args=(question,), name="preview", daemon=True)
+    def _answered(self, work: Work, question: Question) -> Work:
+        begun = self._begun
+        if begun is None or begun.question != question:
+            begun = self._begun = _begin(question)
+        problems = begun.problems
+        if self._fault is not None and self._fault[0] is begun:
+            problems = (self._fault[1],)
+        if begun.outlook is None or problems:
+            return replace(work, outlook=None, preview=None, preview_problems=problems)
+        seen, preview = self._known(begun, begun.outlook)
+        if work.outlook is not seen:
+            return replace(work, outlook=seen, preview=preview, preview_problems=())
+        if preview is None and (self._thread is None or not self._thread.is_alive()):
+            # Not before the page was drawn once: both threads want the one interpreter.
+            self._thread = threading.Thread(target=self._compute, name="preview", daemon=True)
             self._thread.start()
-        return work if work.preview is None else replace(work, preview=None, preview_problems=())
+        return work
 
-    def _compute(self, question: Question) -> None:
-        from console.session.preview import preview
+    def _known(self, begun: _Begun, outlook: Outlook) -> tuple[Underway, Preview | None]:
+        """Return the answer so far, the same object while nothing is added to it; and as the whole, if it is."""
+        from console.session.preview import Preview, underway, whole
 
-        try:
-            self._answer = (question, preview(*question), ())
-        except ProblemError as error:
-            self._answer = (question, None, tuple(error.problems))
-        except Exception as fault:
-            what = " ".join(f"{type(fault).__name__}: {fault}".split())
-            self._answer = (question, None, (Problem(code="session.fault", value=what),))
+        loop = self._loops.find(begun.question.machine)
+        found = {each.strategy: self._programs.find(each) for each in begun.asked}
+        programs = {each: program for each, program in found.items() if program is not None}
+        shown = self._shown
+        if shown is None or shown[0] is not begun or shown[1] is not loop or shown[2] != programs:
+            if loop is not None and len(programs) == len(begun.asked):
+                seen: Underway = whole(outlook, loop, programs)
+            else:
+                seen = underway(outlook, loop, programs)
+            shown = self._shown = (begun, loop, programs, seen)
+        return shown[3], shown[3] if isinstance(shown[3], Preview) else None
+
+    def _compute(self) -> None:
+        """In the other thread: what is missing to the newest question, until nothing is."""
+        while (begun := self._begun) is not None:
+            try:
+                if not self._add_to(begun):
+                    return
+            except Exception as fault:
+                self._fault = (begun, _fault(fault))
+                return
+
+    def _add_to(self, begun: _Begun) -> bool:
+        """Compute the first thing that is missing to a question; False when nothing is."""
+        from console.session.preview import program_of
+        from profiles.servo import eq9_summary
+
+        missing = [each for each in begun.asked if self._programs.find(each) is None]
+        machine = begun.question.machine
+        if begun.asked and missing[:1] != list(begun.asked[:1]) and self._loops.find(machine) is None:
+            self._loops.keep(machine, eq9_summary(machine))
+        elif missing:
+            self._programs.keep(missing[0], program_of(missing[0]))
+        else:
+            return False
+        return True
+
+
+def _begin(question: Question) -> _Begun:
+    from console.session.outlook import outlook
+    from console.session.preview import all_asked
+    from console.session.stages import Stage, air_mm
+    from drivers.cut import Strategy
+
+    parts = (question.job, question.machine, Strategy(question.strategy), question.response)
+    try:
+        seen = outlook(*parts, path=question.path)
+    except ProblemError as error:
+        return _Begun(question=question, problems=tuple(error.problems))
+    except Exception as fault:
+        return _Begun(question=question, problems=(_fault(fault),))
+    out_mm = air_mm(question.job, Stage.AIR) if question.in_air else 0.0
+    asked = sorted(all_asked(*parts, question.path, out_mm), key=lambda each: each.strategy is not seen.strategy)
+    return _Begun(question=question, outlook=seen, asked=tuple(asked))
+
+
+def _fault(fault: Exception) -> Problem:
+    return Problem(code="session.fault", value=" ".join(f"{type(fault).__name__}: {fault}".split()))

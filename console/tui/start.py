@@ -12,6 +12,7 @@ from types import FrameType
 
 from console.cli.library import data_of, machine_of
 from console.cli.simulation import simulation_told
+from console.session.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
 from console.session.link_thread import LinkThread, Opened
 from console.session.signals import ENDING_SIGNALS
@@ -47,7 +48,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     # The pages are written to stderr.
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise SessionError(Problem(code="screen.no_terminal"))
-    machine, data = machine_of(options), data_of(options)
+    data = data_of(options)
+    machine = calibrated_or_stated(machine_of(options), data)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     address = address_of(machine.machine, options.link, simulated=options.sim)
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"console {machine.machine.name}")

@@ -7,17 +7,19 @@ taken for granted: a cam is switched where it adds nothing.
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.pmac.check import CheckedMove, CheckedProgram, extent, peak_velocity
+from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.compensation.table import CompensationTable
-from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at
+from drivers.pmac.trajectory.cubics import Floats, Motion, between, shifted
+from drivers.pmac.trajectory.pieces import Cubic, Piece
 
-Floats = NDArray[np.float64]
+Whole = NDArray[np.int_]
 
 COLUMNS_A_PIECE = 3.0
 """Of the table, at most, that a source goes along a row in one cubic."""
@@ -33,7 +35,8 @@ def source_is_late(table: CompensationTable, source: int) -> bool:
 
 def with_table(checked: CheckedProgram, table: CompensationTable, servo_period_ms: float) -> CheckedProgram:
     """Return the motion with the correction in the target of the table, in its peaks and its extent as well."""
-    target = checked.motors.index(table.definition.target)
+    motor = table.definition.target
+    target = checked.motors.index(motor)
     adder = _Adder(
         table=table,
         grid=np.array(table.grid),
@@ -44,17 +47,18 @@ def with_table(checked: CheckedProgram, table: CompensationTable, servo_period_m
             for place in range(len(table.definition.sources))
         ),
     )
+    pieces = [piece for move in checked.moves for piece in move.pieces]
+    counts, parts, motion = adder.parts(pieces)
+    part, count = iter(parts), iter(counts)
     moves = tuple(
-        CheckedMove(record=move.record, pieces=tuple(part for piece in move.pieces for part in adder.parts(piece)))
+        CheckedMove(record=move.record, pieces=tuple(islice(part, sum(islice(count, len(move.pieces))))))
         for move in checked.moves
     )
-    pieces = [piece for move in moves for piece in move.pieces]
-    low, high = extent(pieces, target)
-    motor = table.definition.target
+    low, high = motion.extent()
     return replace(
         checked,
         moves=moves,
-        peak_velocity={**checked.peak_velocity, motor: peak_velocity(pieces, target)},
+        peak_velocity={**checked.peak_velocity, motor: motion.peak_velocity()},
         lowest={**checked.lowest, motor: low},
         highest={**checked.highest, motor: high},
     )
@@ -68,46 +72,61 @@ class _Adder:
     sources: tuple[int, ...]
     late_ms: tuple[float, ...]
 
-    def parts(self, piece: Piece) -> list[Piece]:
-        """Return a piece as shorter ones, the correction in the cubic of the target."""
-        count = self._count(piece)
-        step_ms = piece.duration_ms / count
-        if step_ms == 0.0:
-            return [piece]
-        ends_ms = np.linspace(0.0, piece.duration_ms, count + 1)
-        there = self._corrections(piece, ends_ms)
-        slopes = (self._corrections(piece, ends_ms + SLOPE_MS) - self._corrections(piece, ends_ms - SLOPE_MS)) / (
-            2.0 * SLOPE_MS
-        )
-        parts = []
-        for k in range(count):
-            cubics = [_shifted(cubic, float(ends_ms[k])) for cubic in piece.cubics]
-            added = _between(there[k], slopes[k], there[k + 1], slopes[k + 1], step_ms)
-            c0, c1, c2, c3 = cubics[self.target]
-            cubics[self.target] = (c0 + added[0], c1 + added[1], c2 + added[2], c3 + added[3])
-            parts.append(replace(piece, duration_ms=step_ms, cubics=tuple(cubics), calculates=False))
-        return parts
+    def parts(self, pieces: Sequence[Piece]) -> tuple[list[int], Iterator[Piece], Motion]:
+        """Return pieces as shorter ones, the correction in the cubic of the target, all of them at once.
 
-    def _count(self, piece: Piece) -> int:
-        """Return into how many parts a piece is cut."""
-        most = 1.0
+        Returns:
+            Into how many parts each piece is cut, the parts, and the motion of the target.
+        """
+        duration_ms = np.array([piece.duration_ms for piece in pieces])
+        motors = np.array([piece.cubics for piece in pieces]).transpose(1, 2, 0)
+        counts = self._counts(motors, duration_ms)
+        whole = np.repeat(np.arange(len(pieces)), counts)
+        number = np.arange(whole.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        step_ms = (duration_ms / counts)[whole]
+        begin_ms = number * step_ms
+        end_ms = np.where(number + 1 == counts[whole], duration_ms[whole], begin_ms + step_ms)
+        cubics = motors[:, :, whole]
+        moved = np.array([shifted(cubic, begin_ms) for cubic in cubics])
+        moved[self.target] += self._added(cubics, begin_ms, end_ms, step_ms)
+        of_motors = zip(*(zip(*cubic.tolist(), strict=True) for cubic in moved), strict=True)
+        parts = map(_part, (pieces[place] for place in whole.tolist()), step_ms.tolist(), of_motors)
+        motion = Motion(cubics=moved[self.target], duration_ms=step_ms)
+        return counts.tolist(), parts, motion
+
+    def _counts(self, motors: Floats, duration_ms: Floats) -> Whole:
+        """Return into how many parts each piece is cut."""
+        most = np.ones_like(duration_ms)
         for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
-            cubic = piece.cubics[self.sources[place]]
-            way = abs(position_at(cubic, piece.duration_ms) - cubic[0])
+            motion = Motion(cubics=motors[self.sources[place]], duration_ms=duration_ms)
+            way = np.abs(motion.at(duration_ms) - motion.cubics[0])
             # Along the rows the correction is a wave; across them it grows, and a few cubics do for a row.
             share = COLUMNS_A_PIECE if place == 0 else 0.125
-            most = max(most, way * size / source.span_counts / share)
-        return math.ceil(most)
+            most = np.maximum(most, way * size / source.span_counts / share)
+        return np.ceil(most).astype(int)
 
     @property
     def _sizes(self) -> tuple[int, int]:
         return self.table.definition.columns, self.table.definition.rows
 
-    def _corrections(self, piece: Piece, instants_ms: Floats) -> Floats:
+    def _added(self, cubics: Floats, begin_ms: Floats, end_ms: Floats, step_ms: Floats) -> Floats:
+        """Return what is added to the cubics of the target, shape (4, n); a piece without a time adds nothing."""
+
+        def value_and_slope(instants_ms: Floats) -> tuple[Floats, Floats]:
+            before, after = (self._corrections(cubics, instants_ms + each) for each in (-SLOPE_MS, SLOPE_MS))
+            return self._corrections(cubics, instants_ms), (after - before) / (2.0 * SLOPE_MS)
+
+        there, slope = value_and_slope(begin_ms)
+        then, later = value_and_slope(end_ms)
+        timed = step_ms > 0.0
+        return np.where(timed, between(there, slope, then, later, np.where(timed, step_ms, 1.0)), 0.0)
+
+    def _corrections(self, cubics: Floats, instants_ms: Floats) -> Floats:
+        """Return the corrections at instants, each counted from the beginning of the piece with these cubics."""
         places = []
         for place, (source, size) in enumerate(zip(self.table.definition.sources, self._sizes, strict=False)):
-            cubic = piece.cubics[self.sources[place]]
-            seen = np.polyval(cubic[::-1], instants_ms - self.late_ms[place])
+            motion = Motion(cubics=cubics[self.sources[place]], duration_ms=instants_ms)
+            seen = motion.at(instants_ms - self.late_ms[place])
             places.append(np.mod(seen, source.span_counts) * size / source.span_counts)
         column = places[0]
         left = np.minimum(column.astype(int), self.table.definition.columns - 1)
@@ -120,28 +139,16 @@ class _Adder:
         return np.asarray(upper + (lower - upper) * (row - above), dtype=np.float64)
 
 
-def _line(line: Floats, left: NDArray[np.int_], share: Floats) -> Floats:
+def _part(piece: Piece, step_ms: float, cubics: tuple[Cubic, ...]) -> Piece:
+    if step_ms == 0.0:
+        return piece
+    return Piece(step_ms, cubics, False, piece.real_time, piece.deferred)
+
+
+def _line(line: Floats, left: Whole, share: Floats) -> Floats:
     return np.asarray(line[left] + (line[left + 1] - line[left]) * share, dtype=np.float64)
 
 
-def _row(grid: Floats, row: NDArray[np.int_], left: NDArray[np.int_], share: Floats) -> Floats:
+def _row(grid: Floats, row: Whole, left: Whole, share: Floats) -> Floats:
     before = grid[row, left]
     return np.asarray(before + (grid[row, left + 1] - before) * share, dtype=np.float64)
-
-
-def _shifted(cubic: Cubic, by_ms: float) -> Cubic:
-    """Return a cubic with its time counted from `by_ms` on."""
-    _, c1, c2, c3 = cubic
-    return (
-        position_at(cubic, by_ms),
-        c1 + (2.0 * c2 + 3.0 * c3 * by_ms) * by_ms,
-        c2 + 3.0 * c3 * by_ms,
-        c3,
-    )
-
-
-def _between(start: float, before: float, end: float, after: float, duration_ms: float) -> Cubic:
-    slope = (end - start) / duration_ms
-    c2 = (3.0 * slope - 2.0 * before - after) / duration_ms
-    c3 = (before + after - 2.0 * slope) / duration_ms**2
-    return float(start), float(before), float(c2), float(c3)

@@ -27,11 +27,13 @@ def cut_findings(
     speed_rpm: float,
 ) -> tuple[Finding, ...]:
     """Return everything that is to be said; `loop` are the moves of the steady cut."""
+    low, high = stroke(loop, checked, machine)
+    stroke_um = (high - low) * machine.tool.count_um
     return (
-        *_path_findings(loop, checked, machine, job, speed_rpm),
+        *_path_findings(loop, checked, machine, job, speed_rpm, stroke_um),
         *_limit_findings(checked, machine),
         *_jaw_findings(checked, machine),
-        *_servo_findings(loop, checked, machine, job, speed_rpm),
+        *_servo_findings(machine, job, speed_rpm, stroke_um),
         *_length_findings(job),
     )
 
@@ -48,6 +50,7 @@ def _path_findings(
     machine: MachineProfile,
     job: Job,
     speed_rpm: float,
+    kept_um: float,
 ) -> list[Finding]:
     """Stretched segments, the speed that they leave, and the stroke that blending eats."""
     findings = []
@@ -65,9 +68,7 @@ def _path_findings(
         )
     index = checked.motors.index(machine.tool.motor)
     targets = [move.record.target[index] for move in loop]
-    low, high = stroke(loop, checked, machine)
     asked_um = (max(targets) - min(targets)) * machine.tool.count_um
-    kept_um = (high - low) * machine.tool.count_um
     if asked_um > 0.0 and kept_um < 0.98 * asked_um:
         kept = f"{kept_um:.2f} um ({100.0 * kept_um / asked_um:.1f} %)"
         findings.append(_warning("cut.stroke_lost", "stroke", kept, f"{asked_um:.2f} um"))
@@ -105,20 +106,12 @@ def _jaw_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Find
     return [_refusal("cut.near_jaws", "cut_length_mm", f"{furthest_mm:.2f} mm", f"<= {allowed_mm:g} mm")]
 
 
-def _servo_findings(
-    loop: tuple[CheckedMove, ...],
-    checked: CheckedProgram,
-    machine: MachineProfile,
-    job: Job,
-    speed_rpm: float,
-) -> list[Finding]:
+def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, stroke_um: float) -> list[Finding]:
     """A path whose lag alone would trip the following-error limit must not be started.
 
     Whatever its shape, the path is taken as a sine of its own stroke at the lobe frequency.
     """
-    low, high = stroke(loop, checked, machine)
-    amplitude_um = 0.5 * (high - low) * machine.tool.count_um
-    error_um = following_error_um(machine, amplitude_um, job.jaws * speed_rpm / 60.0)
+    error_um = following_error_um(machine, 0.5 * stroke_um, job.jaws * speed_rpm / 60.0)
     key = f"I{machine.tool.motor}11"
     limit_um = machine.controller.variables[key] / PARTS_PER_COUNT * machine.tool.count_um
     if error_um < limit_um:

@@ -5,8 +5,6 @@ Where the spindle is the clock of the program, its times are stretched to what t
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector
@@ -27,11 +25,9 @@ def with_spindle(
     for move in checked.moves:
         pieces = []
         for piece in move.pieces:
-            slower = _stretched(piece, stretch)
-            turning: Cubic = (here, counts_per_ms, 0.0, 0.0)
-            pieces.append(replace(slower, cubics=(*slower.cubics[:place], turning, *slower.cubics[place:])))
-            here += counts_per_ms * slower.duration_ms
-        moves.append(CheckedMove(record=_record(move, place, here, stretch), pieces=tuple(pieces)))
+            pieces.append(_beside(piece, place, (here, counts_per_ms, 0.0, 0.0), stretch))
+            here += counts_per_ms * pieces[-1].duration_ms
+        moves.append(CheckedMove(record=_record(move.record, place, here, stretch), pieces=tuple(pieces)))
     peak = {each: speed / stretch for each, speed in checked.peak_velocity.items()}
     return CheckedProgram(
         motors=motors,
@@ -43,19 +39,23 @@ def with_spindle(
     )
 
 
-def _stretched(piece: Piece, stretch: float) -> Piece:
-    cubics = tuple((c0, c1 / stretch, c2 / stretch**2, c3 / stretch**3) for c0, c1, c2, c3 in piece.cubics)
-    return replace(piece, duration_ms=piece.duration_ms * stretch, cubics=cubics)
+def _beside(piece: Piece, place: int, turning: Cubic, stretch: float) -> Piece:
+    """Return a piece that takes `stretch` times as long, with what the spindle does meanwhile."""
+    cubics = piece.cubics
+    if stretch != 1.0:
+        square, cube = stretch**2, stretch**3
+        cubics = tuple([(c0, c1 / stretch, c2 / square, c3 / cube) for c0, c1, c2, c3 in cubics])
+    beside = (*cubics[:place], turning, *cubics[place:])
+    return Piece(piece.duration_ms * stretch, beside, piece.calculates, piece.real_time, piece.deferred)
 
 
-def _record(move: CheckedMove, place: int, here: float, stretch: float) -> MoveRecord:
-    target: Vector = move.record.target
-    timing = move.record.timing
-    return replace(
-        move.record,
+def _record(record: MoveRecord, place: int, here: float, stretch: float) -> MoveRecord:
+    target: Vector = record.target
+    return MoveRecord(
+        line=record.line,
         target=(*target[:place], here, *target[place:]),
-        asked=_longer(move.record.asked, stretch),
-        timing=None if timing is None else _longer(timing, stretch),
+        asked=_longer(record.asked, stretch),
+        timing=None if record.timing is None else _longer(record.timing, stretch),
     )
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from drivers.pmac.check import CheckedMove, CheckedProgram, extent, loop_lines
+from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines
 from drivers.pmac.program_text import ProgramText
+from drivers.pmac.trajectory.cubics import motion_of
 from profiles.machine import MachineProfile
 
 STEADY_FEED = 0.999999
@@ -40,4 +41,4 @@ def speed_rpm(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: M
 def stroke(loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: MachineProfile) -> tuple[float, float]:
     """Return the lowest and highest tool position of the steady cut, counts."""
     index = checked.motors.index(machine.tool.motor)
-    return extent([piece for move in loop[1:] for piece in move.pieces], index)
+    return motion_of([piece for move in loop[1:] for piece in move.pieces], index).extent()

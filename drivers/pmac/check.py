@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.analysis.timeline import turning_points
 from drivers.pmac.analysis.walk import Ending, walk
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.program_text import ProgramText
+from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
-from drivers.pmac.trajectory.pieces import Cubic, Piece, position_at, velocity_at
+from drivers.pmac.trajectory.pieces import Piece
 from drivers.pmac.trajectory.planned import MoveRecord
 
 ENDLESS_MOVES = 200_000
@@ -93,18 +93,12 @@ def loop_lines(program: syntax.Program) -> frozenset[int]:
 
 def extent(pieces: Sequence[Piece], index: int) -> tuple[float, float]:
     """Return the lowest and highest position of one motor over some pieces, counts."""
-    values = [
-        position_at(piece.cubics[index], instant)
-        for piece in pieces
-        for instant in (0.0, piece.duration_ms, *turning_points(piece.cubics[index]))
-        if 0.0 <= instant <= piece.duration_ms
-    ]
-    return min(values), max(values)
+    return motion_of(pieces, index).extent()
 
 
 def peak_velocity(pieces: Sequence[Piece], index: int) -> float:
     """Return the greatest speed of one motor over some pieces, counts/ms."""
-    return max((_peak_velocity(piece.cubics[index], piece.duration_ms) for piece in pieces), default=0.0)
+    return motion_of(pieces, index).peak_velocity() if pieces else 0.0
 
 
 def _summary(motors: tuple[int, ...], moves: list[CheckedMove], pieces: list[Piece]) -> CheckedProgram:
@@ -122,14 +116,3 @@ def _summary(motors: tuple[int, ...], moves: list[CheckedMove], pieces: list[Pie
         lowest=lowest,
         highest=highest,
     )
-
-
-def _peak_velocity(cubic: Cubic, duration_ms: float) -> float:
-    """Greatest speed of a cubic: at an end, or where the acceleration passes zero."""
-    _, _, c2, c3 = cubic
-    peak = max(abs(cubic[1]), abs(velocity_at(cubic, duration_ms)))
-    if c3:
-        instant = -c2 / (3.0 * c3)
-        if 0.0 < instant < duration_ms:
-            peak = max(peak, abs(velocity_at(cubic, instant)))
-    return peak

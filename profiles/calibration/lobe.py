@@ -19,6 +19,7 @@ from profiles.chucking.diagnosis import Diagnosis, diagnose
 from profiles.chucking.ring import is_thin
 from profiles.files import printable
 from profiles.job import Job
+from profiles.lobe_conditions import CONDITIONS
 from profiles.lobe_fit import LobeFit, fit_lobe
 from profiles.metrology.filters import gaussian_transmission
 from profiles.problem import Problem
@@ -35,14 +36,6 @@ MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
 UNDECLARED = 3.0
 """Times the noise floor above which a wave that was not fitted is told."""
-
-_CONDITIONS = {
-    "lobe_force_n": "chucking_force_n",
-    "lobe_spindle_speed_rpm": "spindle_speed_rpm",
-    "lobe_overhang_mm": "overhang_mm",
-    "lobe_wall_thickness_mm": "wall_thickness_mm",
-    "lobe_diameter_mm": "diameter_mm",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +94,7 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
     if found.crest_deg is None or found.reasons:
         raise ValueError(found.reasons)
     assumed = {name for name in job.assumed if not name.startswith("lobe_")}
-    assumed |= {lobe for lobe, own in _CONDITIONS.items() if own in assumed}
+    assumed |= {lobe for lobe, own in CONDITIONS.items() if own in assumed}
     if found.phase_assumed:
         assumed.add("lobe_phase_deg")
     return replace(
@@ -114,7 +107,7 @@ def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
         lobe_tool=tool or None,
         assumed=tuple(sorted(assumed)),
         source=_source(job.source, found.simulated),
-        **{lobe: getattr(job, own) for lobe, own in _CONDITIONS.items()},
+        **{lobe: getattr(job, own) for lobe, own in CONDITIONS.items()},
     )
 
 

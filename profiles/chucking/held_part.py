@@ -24,7 +24,14 @@ from profiles.chucking.contact import (
 from profiles.chucking.diagnosis import Mechanism
 from profiles.chucking.holding import REFERENCE_FORCE_N, Holding
 from profiles.chucking.ring import is_thin
-from profiles.chucking.tube import Tube, axial_share, spring_back_um, wall_compliance_um_per_n
+from profiles.chucking.tube import (
+    Tube,
+    axial_share,
+    half_lobe_compliance,
+    half_lobe_deg,
+    spring_back_um,
+    wall_compliance_um_per_n,
+)
 from profiles.cutting import CuttingForce
 from profiles.job import Job
 from profiles.materials import Material
@@ -97,6 +104,16 @@ class HeldPart:
         along = axial_share(tube, jaws, z_mm)
         return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _levelled(np.outer(along, wall))}
 
+    def error_um_pp(self, z_mm: float) -> float:
+        """Return the deviation that all leave together at one Z, peak to peak; half a lobe has all of it."""
+        angle_deg, z = half_lobe_deg(self.job.jaws), np.array([z_mm])
+        if not self.thin:
+            return float(np.ptp(self._bar_um(angle_deg, z)[0]))
+        tube, jaws = self.tube, self.job.jaws
+        sprung = spring_back_um(tube, jaws, self.per_jaw_n, angle_from_jaw_deg=angle_deg, z_mm=z)[0]
+        wall = self.force.passive_n * tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws)
+        return float(np.ptp(sprung + float(axial_share(tube, jaws, z_mm)) * wall))
+
     def size_um(self, z_mm: FloatArray) -> FloatArray:
         """Return by how much the radius comes out too large, shape (Z,): what gives way is not cut."""
         if self.thin:
@@ -121,8 +138,8 @@ class HeldPart:
     def softest_n_per_um(self) -> float:
         """The stiffness of the part where it is softest."""
         if self.thin:
-            ring = self.tube.bent(self.job.jaws)
-            return 1 / float(wall_compliance_um_per_n(ring, self.job.jaws, _TURN_DEG).max())
+            jaws = self.job.jaws
+            return 1 / float(self.tube.bent(jaws).scale_um_per_n * half_lobe_compliance(jaws).max())
         return 1 / self.compliance_um_per_n
 
     @property

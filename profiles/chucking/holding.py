@@ -58,6 +58,10 @@ def holding_of(machine: MachineProfile) -> Holding:
         force_sd_share=used["force_sd_percent"] / 100,
         wrench=None
         if slope is None
-        else Wrench(force_per_torque_n_per_n_m=slope, offset_n=chuck.force_offset_n or 0.0),
+        else Wrench(
+            force_per_torque_n_per_n_m=slope,
+            offset_n=chuck.force_offset_n or 0.0,
+            variance=chuck.force_line_variance,
+        ),
         assumed=tuple(f"chuck.{key}" for key, (said, _) in given.items() if said is None),
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,9 @@ FloatArray = NDArray[np.float64]
 
 MULTIPLES = 8
 """Harmonics of the lobe that are summed: the ninth has less than a thousandth of the first."""
+
+
+HALF_LOBE_ANGLES = 61
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,16 +93,34 @@ def wall_compliance_um_per_n(ring: Ring, jaws: int, angle_from_jaw_deg: ArrayLik
     to the part is LOW at the jaws. Two jaws hold it sideways by friction, whose bending is left out.
     """
     angles = np.asarray(angle_from_jaw_deg, dtype=np.float64)
+    return np.asarray(ring.scale_um_per_n * _on_jaws(jaws, angles.ravel()), dtype=np.float64).reshape(angles.shape)
+
+
+def _on_jaws(jaws: int, angle_deg: FloatArray) -> FloatArray:
+    """Return the motion under the tool in units of R^3 / (E I), for one axis of angles."""
     jaw = 2 * math.pi * np.arange(jaws) / jaws
     seats = np.stack([np.cos(jaw), np.sin(jaw)], axis=1)
     matrix = np.block([[-_bent(jaw[:, None] - jaw[None, :]), seats], [seats.T, np.zeros((2, 2))]])
-    flat = np.radians(angles.ravel())
+    flat = np.radians(angle_deg)
     tool = np.stack([np.cos(flat), np.sin(flat)])
     bent = _bent(jaw[:, None] - flat[None, :])
     # Sideways of two jaws the system is singular: the least motion is none.
     found = np.linalg.lstsq(matrix, np.concatenate([-bent, tool]), rcond=None)[0]
     moved = _bent(np.zeros(1)) - np.sum(bent * found[:jaws], axis=0) + np.sum(tool * found[jaws:], axis=0)
-    return np.asarray(ring.scale_um_per_n * moved, dtype=np.float64).reshape(angles.shape)
+    return np.asarray(moved, dtype=np.float64)
+
+
+def half_lobe_deg(jaws: int) -> FloatArray:
+    """Return angles from a jaw to the middle between two: by symmetry they see all that there is."""
+    return np.linspace(0.0, 180.0 / jaws, HALF_LOBE_ANGLES)
+
+
+@cache
+def half_lobe_compliance(jaws: int) -> FloatArray:
+    """Return `wall_compliance_um_per_n` over half a lobe for a ring whose `scale_um_per_n` is 1; read only."""
+    found = _on_jaws(jaws, half_lobe_deg(jaws))
+    found.setflags(write=False)
+    return found
 
 
 def _bent(angle_rad: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ torques in N m.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from profiles.problem import Problem, ProfileError
@@ -13,10 +14,19 @@ from profiles.problem import Problem, ProfileError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wrench:
-    """Force = `offset_n` + `force_per_torque_n_per_n_m` x torque."""
+    """Force = `offset_n` + `force_per_torque_n_per_n_m` x torque.
+
+    `variance` is that of the offset (N^2), of both together, and of the slope; 0 where the line is only stated.
+    """
 
     force_per_torque_n_per_n_m: float
     offset_n: float = 0.0
+    variance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def line_sd_n(self, torque_n_m: float) -> float:
+        """Return how sure the line itself is of the mean force at a torque, one standard deviation, N."""
+        v00, v01, v11 = self.variance
+        return math.sqrt(max(v00 + 2 * v01 * torque_n_m + v11 * torque_n_m**2, 0.0))
 
 
 def torque_n_m(wrench: Wrench, force: float) -> float:
@@ -25,7 +35,15 @@ def torque_n_m(wrench: Wrench, force: float) -> float:
     Raises:
         ProfileError: `value.out_of_range`, a force that no torque gives.
     """
-    if not force > max(wrench.offset_n, 0.0):
+    torque = torque_or_none_n_m(wrench, force)
+    if torque is None:
         value, limit = f"{force:.6g} N", f"> {max(wrench.offset_n, 0.0):.6g} N"
         raise ProfileError(Problem(code="value.out_of_range", key="chucking_force_n", value=value, limit=limit))
+    return torque
+
+
+def torque_or_none_n_m(wrench: Wrench, force: float) -> float | None:
+    """Return the torque for a force in N, None for a force that no torque gives."""
+    if not force > max(wrench.offset_n, 0.0):
+        return None
     return (force - wrench.offset_n) / wrench.force_per_torque_n_per_n_m

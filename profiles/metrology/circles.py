@@ -1,7 +1,9 @@
 """The four reference circles of ISO 12181-1 in the limacon model: deviation = R + x cos + y sin + residual.
 
 The model is linear, so least squares is one linear fit and the other three are linear programmes with a unique
-optimal value, solved exactly by the exchange of contacts. It holds while eccentricity^2 / (2 radius) is small.
+optimal value, solved exactly by the exchange of contacts. Where several centres have that value (an oval), the one
+with the least RONt is taken and, if that leaves more than one, the one nearest to the centre of least squares: see
+`profiles.metrology.sliding`. The model holds while eccentricity^2 / (2 radius) is small.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from profiles.metrology.exchange import exchanged
 from profiles.metrology.points import FloatArray, checked
+from profiles.metrology.sliding import settled
 
 LEAST_SQUARES = "LSC"
 MINIMUM_ZONE = "MZC"
@@ -23,7 +26,8 @@ CIRCLES = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED
 
 # Share of the peak to peak deviation by which a point may be outside: far below 1e-9 um of any real part.
 _OUTSIDE = 1e-13
-_WEIGHTLESS = 1e-12
+# Weight, of 1 in all, below which a contact does not hold the circle: two others stand opposite, to 1e-9 rad.
+_WEIGHTLESS = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +64,8 @@ def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> 
     """Return a reference circle of M points; shape (M,) each, in any order, several at one angle are allowed.
 
     LSC minimises the sum of squares, MZC hi - lo with all points between, MCC is the smallest R with none outside,
-    MIC the largest R with none inside.
+    MIC the largest R with none inside. Of several centres that are as good it is the one with the least RONt,
+    then the one nearest to that of least squares.
 
     Raises:
         ProfileError: as `profiles.metrology.points.checked`.
@@ -133,8 +138,9 @@ def _extreme(
     rhs = np.zeros(columns.shape[0])
     rhs[:sides] = 1.0
     optimum = exchanged(columns, gains, rhs, basis, tolerance=_OUTSIDE)
-    x, y = optimum.prices[-2:] * (-span_um if kind == MAXIMUM_INSCRIBED else span_um)
     touching = optimum.basis[optimum.weights > _WEIGHTLESS]
+    place = settled(columns, gains, optimum.prices, touching, one_sided=kind != MINIMUM_ZONE)
+    x, y = place[-2:] * (-span_um if kind == MAXIMUM_INSCRIBED else span_um)
     outer = touching < size if kind == MINIMUM_ZONE else np.full(touching.size, kind == MINIMUM_CIRCUMSCRIBED)
     found = [
         Contact(index=int(i), angle_deg=float(angle_deg[i]), outer=bool(o))

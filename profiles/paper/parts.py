@@ -110,6 +110,8 @@ def _fig_14(paper: Experiments) -> tuple[Record, ...]:
 def _fig_16(paper: Experiments) -> tuple[Record, ...]:
     waves, servo, hz = models(paper)["s_curve_measured"]
     first, second = (left_um_pp(error, waves, servo, hz) for error in paper.errors_um_pp)
+    lost_percent = 100 * (1 - stroke_share(Ramps.S_CURVE, FULL_BLEND))
+    facts = {"lost_percent": lost_percent, "first_um": first, "second_um": second}
 
     def part(name: str, at: str, ours: float, measured: float) -> Record:
         return Record(
@@ -120,6 +122,7 @@ def _fig_16(paper: Experiments) -> tuple[Record, ...]:
             expected=measured,
             tolerance=WITHIN_UM,
             why="blend_and_lag",
+            facts=facts,
         )
 
     return (

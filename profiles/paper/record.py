@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -23,7 +24,8 @@ class Record:
     """One number. `expected` is what the paper says or, with an acceptance `number` (1 to 12), what must come out.
 
     `expected` is None where the paper says nothing. `at` tells records of one name apart (a frequency, an
-    experiment), `why` names the reason that is given for the difference. `tolerance` is in `unit`.
+    experiment), `why` names the reason that is given for the difference, `facts` are the numbers in that reason,
+    each with its unit in its name. `tolerance` is in `unit`.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Record:
     tolerance: float = 0.0
     relation: Relation = Relation.NEAR
     why: str = ""
+    facts: Mapping[str, float] = field(default_factory=dict)
     number: int = 0
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ COIL_KG = 2.95
 """Table 2: the coil alone, without the slide and the tool that Table 4 has with it."""
 
 _TOP_HZ = 150.0
+_LOBE_HZ = 50.0
 _SETTLED_S = 0.1
 
 
@@ -41,6 +43,12 @@ def _fig_11(machine: MachineProfile) -> tuple[Record, ...]:
     whole = eq9_summary(machine)
     coil = eq9_summary(replace(machine, tool=replace(machine.tool, moving_mass_kg=COIL_KG)))
 
+    facts = {
+        "mass_kg": machine.tool.moving_mass_kg,
+        "bandwidth_hz": whole.bandwidth_hz,
+        "paper_hz": PAPER_BANDWIDTH_HZ,
+    }
+
     def bandwidth(at: str, hz: float, why: str = "") -> Record:
         return Record(
             name="fig11.bandwidth",
@@ -50,6 +58,7 @@ def _fig_11(machine: MachineProfile) -> tuple[Record, ...]:
             expected=PAPER_BANDWIDTH_HZ,
             tolerance=PAPER_TOLERANCE_HZ,
             why=why,
+            facts=facts if why else {},
         )
 
     return (
@@ -73,48 +82,50 @@ def _step_error_percent(machine: MachineProfile) -> float:
 def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
     """Eq 9 as printed against the rows of the table, in its own units."""
     met = eq9_response(machine, table_5.FREQUENCIES_HZ)
-    return (*_rows("eq9", met, why="feedforward"), *_rows("fitted", _fitted(machine)))
-
-
-def _fitted(machine: MachineProfile) -> np.ndarray:
     fit = table_5.fitted_feedforward(machine)
-    return table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_share, fit.delay_s)
+    fitted = table_5.feedforward_response(machine, table_5.FREQUENCIES_HZ, fit.acceleration_share, fit.delay_s)
+    lobe = table_5.FREQUENCIES_HZ.index(_LOBE_HZ)
+    facts = {
+        "lobe_hz": _LOBE_HZ,
+        "times": -float(np.angle(met[lobe])) / table_5.PHASE_ERROR_RAD[lobe],
+        "gain": table_5.fitted_gain(machine),
+        "share_percent": 100 * fit.acceleration_share,
+        "delay_ms": 1000 * fit.delay_s,
+    }
+    return (*_rows("eq9", met, why="feedforward", facts=facts), *_rows("fitted", fitted))
 
 
-def _rows(model: str, met: np.ndarray, why: str = "") -> tuple[Record, ...]:
+def _rows(
+    model: str, met: np.ndarray, why: str = "", facts: Mapping[str, float] | None = None
+) -> tuple[Record, ...]:
     """Return amplitude and phase errors of a response; the tolerances are twice the rms misfit of the best fit."""
+
+    def of(kind: str, at: str, ours: float, unit: str, expected: float, tolerance: float) -> Record:
+        return Record(
+            name=f"table5.{model}.{kind}",
+            at=at,
+            ours=ours,
+            unit=unit,
+            expected=expected,
+            tolerance=tolerance,
+            why=why,
+            facts=facts or {},
+        )
+
     rows = []
     for i, hz in enumerate(table_5.FREQUENCIES_HZ):
-        at = f"{hz:g} Hz"
-        loss_um = table_5.COMMAND_UM_PP * (1 - abs(met[i]))
-        lag_rad = -float(np.angle(met[i]))
-        rows += [
-            Record(
-                name=f"table5.{model}.amplitude",
-                at=at,
-                ours=loss_um,
-                unit="um",
-                expected=table_5.AMPLITUDE_ERROR_UM[i],
-                tolerance=2.7,
-                why=why,
-            ),
-            Record(
-                name=f"table5.{model}.phase",
-                at=at,
-                ours=lag_rad,
-                unit="rad",
-                expected=table_5.PHASE_ERROR_RAD[i],
-                tolerance=0.12,
-                why=why,
-            ),
-        ]
+        at, loss_um = f"{hz:g} Hz", table_5.COMMAND_UM_PP * (1 - abs(met[i]))
+        rows.append(of("amplitude", at, loss_um, "um", table_5.AMPLITUDE_ERROR_UM[i], 2.7))
+        rows.append(of("phase", at, -float(np.angle(met[i])), "rad", table_5.PHASE_ERROR_RAD[i], 0.12))
     return tuple(rows)
 
 
 def _fits(machine: MachineProfile) -> tuple[Record, ...]:
     fit, (delay_s, _) = table_5.fitted_feedforward(machine), table_5.pure_delay_s()
+    cycle_ms = machine.controller.servo_period_ms
+    facts = {"cycles": 1000 * delay_s / cycle_ms, "cycle_ms": cycle_ms}
     return (
-        Record(name="table5.delay", ours=1000 * delay_s, unit="ms", why="delay"),
+        Record(name="table5.delay", ours=1000 * delay_s, unit="ms", why="delay", facts=facts),
         Record(name="table5.acceleration", ours=100 * fit.acceleration_share, unit="%"),
         Record(name="table5.fitted_delay", ours=1000 * fit.delay_s, unit="ms"),
         Record(name="table5.misfit", ours=table_5.misfit_of_eq9(machine), unit="rad"),

@@ -93,12 +93,29 @@ def fitted_feedforward(machine: MachineProfile, reading: Reading = Reading.LOSS_
 
     def misfit(unknowns: FloatArray) -> FloatArray:
         met = feedforward_response(machine, FREQUENCIES_HZ, unknowns[0], unknowns[1] / 1000.0)
-        off = np.concatenate([np.abs(met) - measured_gains(reading), np.angle(met) + PHASE_ERROR_RAD])
-        return np.asarray(off / WEIGHT, dtype=np.float64)
+        return _misfit(met, reading)
 
     found = least_squares(misfit, (0.5, 0.5), xtol=1e-12)
     share, delay_ms = (float(each) for each in found.x)
     return Feedforward(acceleration_share=share, delay_s=delay_ms / 1000.0, chi2=float(2.0 * found.cost))
+
+
+def fitted_gain(machine: MachineProfile, reading: Reading = Reading.LOSS_PEAK_TO_PEAK) -> float:
+    """Return the factor on the loop gain of Eq 9, and on nothing else, that fits Table 5 best."""
+    from scipy.optimize import minimize_scalar
+
+    def chi2(factor: float) -> float:
+        tool = replace(machine.tool, amplifier_gain_a_per_v=factor * machine.tool.amplifier_gain_a_per_v)
+        off = _misfit(eq9_response(replace(machine, tool=tool), FREQUENCIES_HZ), reading)
+        return float(off @ off)
+
+    return float(minimize_scalar(chi2, bounds=(0.1, 20.0), method="bounded").x)
+
+
+def _misfit(met: ComplexArray, reading: Reading) -> FloatArray:
+    """Return how far a response is off in gain and phase, in weights; shape (8,)."""
+    off = np.concatenate([np.abs(met) - measured_gains(reading), np.angle(met) + PHASE_ERROR_RAD])
+    return np.asarray(off / WEIGHT, dtype=np.float64)
 
 
 def misfit_of_eq9(machine: MachineProfile) -> float:

@@ -1,7 +1,12 @@
-"""The tables that a trace file may hold, told by the names of its columns."""
+"""The tables that a trace file may hold, told by the names of its columns.
+
+Columns are named as instruments and spreadsheets name them: "Angle [deg]", "θ (°)", "Deviation / µm", "편차 [um]".
+"""
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -31,6 +36,40 @@ TABLES = (
 )
 
 
-def columns_named(names: tuple[str, ...]) -> Columns | None:
+_QUANTITIES: Mapping[str, str] = {
+    **dict.fromkeys(("angle", "spindle_angle", "theta", "phi", "θ", "φ", "각도"), "angle"),
+    **dict.fromkeys(
+        ("deviation", "dev", "radial_deviation", "roundness_deviation", "delta_r", "δr", "편차"), "deviation"
+    ),
+    **{axis: axis for axis in "xy"},
+}
+_UNITS: Mapping[str, str] = {
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "도"), "deg"),
+    **dict.fromkeys(("um", "micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"), "um"),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("nm", "nanometer", "nanometers", "nanometre", "nanometres"), "nm"),
+}
+
+
+def columns_named(headings: tuple[str, ...]) -> Columns | None:
     """Return the kind of table with these columns, None where there is none."""
+    names = tuple(column_name(heading) for heading in headings)
     return next((table for table in TABLES if table.names == names), None)
+
+
+def column_name(heading: str) -> str:
+    """Return a heading as `TABLES` spells it, such as `deviation_um`; another one as its words."""
+    words = re.findall(r"°|[^\W_]+", _plain(heading))
+    unit = _UNITS.get(words[-1]) if len(words) > 1 else None
+    quantity = "_".join(words[:-1] if unit else words)
+    return "_".join(part for part in (_QUANTITIES.get(quantity, quantity), unit) if part)
+
+
+def unit_named(stated: str) -> str:
+    """Return a unit as we write it, such as "um" for "µm"; another word as it is."""
+    return _UNITS.get(_plain(stated), stated)
+
+
+def _plain(text: str) -> str:
+    """Return small letters with one sign for micro, of the two that look alike."""
+    return unicodedata.normalize("NFKC", text.strip()).lower().replace("μ", "u")

@@ -22,8 +22,12 @@ class Dialect:
     """The separator of one file and, once it was met, its decimal sign."""
 
     def __init__(self, header: str) -> None:
-        """Take the separator from the header line; the names of columns have none of its characters in them."""
+        """Take the separator from the header line; the names of columns have none of its characters in them.
+
+        Between blanks a unit in brackets belongs to the name before it.
+        """
         self.separator = next((mark for mark in ";,\t" if mark in header), " ")
+        self.header = re.sub(r"\s+(?=[\[(])", "", header) if self.separator == " " else header
         self._decimal = "." if self.separator == "," else ""
 
     def cells(self, line: str) -> list[str]:

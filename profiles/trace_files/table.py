@@ -1,8 +1,9 @@
 """One text file with a table of points, read line by line.
 
 Problem codes: `trace.no_header`, `trace.columns`, `trace.not_number`, `trace.not_finite`, `trace.out_of_range`,
-`trace.duplicate_angle`, `trace.few_points`, `trace.meta`; of the whole file `trace.separator`,
-`trace.decimal_comma`, `trace.mixed_decimals`, `trace.negative_angle`, `trace.units`, `trace.angles`.
+`trace.duplicate_angle`, `trace.duplicate_point`, `trace.few_points`, `trace.meta`; of the whole file
+`trace.separator`, `trace.decimal_comma`, `trace.mixed_decimals`, `trace.negative_angle`, `trace.units`,
+`trace.angles`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Sequence
 
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
-from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, columns_named
+from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, columns_named, unit_named
 from profiles.trace_files.dialect import Dialect
 from profiles.trace_files.header import APPLIED
 
@@ -41,6 +42,8 @@ class TableReader:
         self._header_met = False
         self._dialect = Dialect("")
         self._line_of_angle: dict[float, int] = {}
+        self._line_of_place: dict[tuple[float, float], int] = {}
+        self._closed_by: tuple[int, str] | None = None
         self._um_per_unit = 0.0
         self._from_deg, self._to_deg = 0.0, _TURN_DEG
         self._closed = False
@@ -53,12 +56,12 @@ class TableReader:
             return
         if not self._header_met:
             self._dialect = Dialect(line)
+            self._take_header(number, line, self._dialect.cells(self._dialect.header))
+            return
         cells = self._dialect.cells(line)
         wanted = 2 if self.columns is None else len(self.columns.names)
         if cause := self._dialect.cause(cells, wanted):
             self._spoil(cause, number, value=line, limit=PLAIN_HEADER)
-        elif not self._header_met:
-            self._take_header(number, line, cells)
         elif len(cells) != wanted:
             names = TABLES[0].names if self.columns is None else self.columns.names
             self._refuse("trace.columns", number, value=line, limit=",".join(names))
@@ -82,6 +85,7 @@ class TableReader:
         key, colon, value = (part.strip() for part in line[1:].partition(":"))
         if not colon:
             return  # a remark for people
+        value = unit_named(value) if key == "units" else value
         if not key or key in self.meta or not (key + value).isprintable():
             self._refuse("trace.meta", number, value=line, limit="# key: value")
             return
@@ -139,9 +143,11 @@ class TableReader:
             values.append(value)
         if self.columns.names[0] == ANGLE:
             self._keep_point(number, cells[0], *values)
+        elif self.columns.plane:
+            self._keep_place(number, cells, values[0], values[1])
         else:
-            self.first.append(values[0] if self.columns.plane else float(len(self.second)))
-            self.second.append(values[-1])
+            self.first.append(float(len(self.second)))
+            self.second.append(values[0])
 
     def _within(self, key: str, value: float) -> tuple[bool, str]:
         if key == ANGLE:
@@ -168,6 +174,24 @@ class TableReader:
             return
         limit = f"{self.where}:{self._line_of_angle[place]}"
         self._refuse("trace.duplicate_angle", number, key=ANGLE, value=cell, limit=limit)
+
+    def _keep_place(self, number: int, cells: Sequence[str], x_um: float, y_um: float) -> None:
+        """Keep a point in the plane; the first one again, as the last, closes the turn and is left out."""
+        if self._closed_by:  # then it was not the last
+            self._refuse_place(*self._closed_by, self._line_of_place[self.first[0], self.second[0]])
+            self._closed_by = None
+        before = self._line_of_place.setdefault((x_um, y_um), number)
+        if before == number:
+            self.first.append(x_um)
+            self.second.append(y_um)
+        elif (x_um, y_um) == (self.first[0], self.second[0]):
+            self._closed_by = (number, ",".join(cells))
+        else:
+            self._refuse_place(number, ",".join(cells), before)
+
+    def _refuse_place(self, number: int, shown: str, before: int) -> None:
+        key = ",".join(self.columns.names) if self.columns else ""
+        self._refuse("trace.duplicate_point", number, key=key, value=shown, limit=f"{self.where}:{before}")
 
     def _repeats_start(self, deviation: float) -> bool:
         at_start = self.second[list(self._line_of_angle).index(self._from_deg)]

@@ -19,6 +19,7 @@ DOCUMENTS = (
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "benchmarks/README.md",
+    "docs/calibration.md",
     "docs/commissioning.md",
     "docs/fault-matrix.md",
     "docs/faults.md",
@@ -111,13 +112,14 @@ def test_source_files_that_are_named_exist(document: str) -> None:
 
 def test_every_choice_of_the_emulation_is_where_it_is_said_to_be() -> None:
     code = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "drivers").rglob("*.py"))
+    words = set(re.findall(r"\w+", code))  # nearly every name is one, and need not be searched for
     names = set()
     for row in text_of("docs/pmac-emulation.md").splitlines():
         certainty = row.rstrip("| ").rpartition("|")[2]
         if "choice: `" in certainty:
             names |= {span for span in SPAN.findall(certainty) if not SOURCE_FILE.fullmatch(span)}
     assert len(names) > 10
-    assert sorted(name for name in names if not re.search(rf"\b{re.escape(name)}\b", code)) == []
+    assert sorted(name for name in names - words if not re.search(rf"\b{re.escape(name)}\b", code)) == []
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from console.session.intents import (
     Approach,
@@ -83,8 +84,8 @@ class Floor:
             self.do(Jog(axis=AxisName.TOOL, distance=min(seen.tool_gap_mm, 1.0)))
         self.do(TakeTouchOff(radius_mm=job.radius_mm))
 
-    def arm(self, job: Job, strategy: Strategy = Strategy.PVT) -> StationState:
-        return self.do(Arm(job=job, job_sha256="0" * 64, strategy=strategy))
+    def arm(self, job: Job, strategy: Strategy = Strategy.PVT, **more: Any) -> StationState:
+        return self.do(Arm(job=job, job_sha256="0" * 64, strategy=strategy, **more))
 
     def when(self, condition: Callable[[Snapshot], bool], act: Callable[[], None]) -> None:
         """Do something once, at the first look that fulfils a condition."""
@@ -99,14 +100,22 @@ class Floor:
 
 
 def open_floor(
-    records: Path, seed: int = 1, plant: str = "mounted", machine: LoadedMachine | None = None
+    records: Path,
+    seed: int = 1,
+    plant: str = "mounted",
+    machine: LoadedMachine | None = None,
+    turned_deg: float = 0.0,
 ) -> Floor:
     """A station on a machine whose chuck and tool were mounted by chance; connected and verified.
 
-    The lathe is that of the paper with everything close together, unless another is given.
+    The lathe is that of the paper with everything close together, unless another is given. The chuck may be
+    mounted so much further on than by that chance.
     """
     machine = machine or compact_machine()
-    sim = SimulatedLathe(machine.machine, plant_named(plant, machine.machine, seed, mounted_by_hand=True))
+    true = plant_named(plant, machine.machine, seed, mounted_by_hand=True)
+    if turned_deg and true.jaw_1_deg is not None:
+        true = replace(true, jaw_1_deg=(true.jaw_1_deg + turned_deg) % 360.0)
+    sim = SimulatedLathe(machine.machine, true)
     link = MemoryLink(sim.connect(), sim)
     stop = StopPath(link)
     made: list[Floor] = []

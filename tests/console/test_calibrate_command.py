@@ -15,8 +15,9 @@ from console.session.errors import SessionError
 from console.session.interlocks import of_lobe
 from console.session.run import plan_run
 from console.session.work import edited, opened
+from console.text.catalogue import load
 from drivers.cut import Strategy
-from profiles.store import load_job, load_machine
+from profiles.store import BUNDLED_JOBS, load_job, load_machine, save_job
 
 Console = Callable[..., Any]
 JOB = "lee-2001-experiment-1"
@@ -174,10 +175,10 @@ def test_a_lobe_that_is_changed_by_hand_is_an_assumed_one() -> None:
 def test_a_cut_unlike_the_calibration_cut_is_not_armed_except_a_plain_one() -> None:
     machine = load_machine("lee-2001-lathe")
     work = edited(opened(load_job(JOB), machine), "spindle_speed_rpm", "800")
-    assert [problem.key for problem in of_lobe(work.job, machine.machine, Strategy.PVT).problems] == [
-        "spindle_speed_rpm"
-    ]
-    assert of_lobe(work.job, machine.machine, Strategy.NONE).holds
+    assert [
+        problem.key for problem in of_lobe(work.job, machine.machine, Strategy.PVT, simulated=True).problems
+    ] == ["spindle_speed_rpm"]
+    assert of_lobe(work.job, machine.machine, Strategy.NONE, simulated=False).holds
 
 
 @pytest.mark.parametrize(("force_n", "holds"), [(841.0, False), (839.0, True), (761.0, True), (759.0, False)])
@@ -192,3 +193,45 @@ def test_a_run_is_planned_only_at_the_force_of_the_calibration_cut(force_n: floa
     with pytest.raises(SessionError) as refused:
         plan_run(job, machine, Strategy.PVT)
     assert [(each.code, each.limit) for each in refused.value.problems] == [("rule.force_differs", "800 N")]
+
+
+def test_the_cut_of_the_paper_at_another_speed_is_refused_in_the_simulator_too(
+    console: Console, tmp_path: Path
+) -> None:
+    """The error of experiment 1 was found at 1000 rpm, with more of the chucking force lost than at 800."""
+    path = tmp_path / "slow.toml"
+    text = (BUNDLED_JOBS / f"{JOB}.toml").read_text(encoding="utf-8")
+    path.write_text(text.replace("\nspindle_speed_rpm = 1000.0", "\nspindle_speed_rpm = 800.0"), encoding="utf-8")
+    said = console("run", str(path), "--sim")
+    assert (said.code, said.out) == (1, "")
+    assert "800 rpm" in said.err and "1000 rpm" in said.err
+    judged = {each["code"]: each["severity"] for each in console("preview", str(path), "--json").json["findings"]}
+    assert judged["rule.lobe_differs"] == "warning"
+
+
+def test_a_measured_lobe_of_an_unknown_cut_is_cut_away_in_the_simulator_alone() -> None:
+    machine = load_machine("lee-2001-lathe").machine
+    job = replace(load_job(JOB).job, lobe_overhang_mm=None, lobe_tool=None, cut_length_mm=1.0)
+    plan = plan_run(job, machine, Strategy.PVT, simulated=True)
+    (told,) = (problem for problem in plan.warnings if problem.code == "rule.lobe_unstated")
+    words = load("en").problem(told)
+    assert "lobe_overhang_mm, lobe_tool" in words and "calibrate lobe" in words
+    assert "lobe_overhang_mm, lobe_tool" in load("ko").problem(told)
+    with pytest.raises(SessionError) as refused:
+        plan_run(job, machine, Strategy.PVT, simulated=False)
+    assert [each.code for each in refused.value.problems] == ["rule.lobe_unstated"]
+    assert of_lobe(job, machine, Strategy.NONE, simulated=False).holds
+
+
+def test_what_a_file_does_not_state_is_still_missing_when_a_value_was_tried(tmp_path: Path) -> None:
+    machine = load_machine("lee-2001-lathe")
+    bare = replace(load_job(JOB).job, lobe_spindle_speed_rpm=None, lobe_force_n=None)
+    save_job(bare, tmp_path / "bare.toml")
+    work = opened(load_job(str(tmp_path / "bare.toml")), machine)
+    assert not work.edited
+    tried = edited(edited(work, "spindle_speed_rpm", "800"), "chucking_force_n", "1500")
+    codes = [each.code for each in of_lobe(tried.job, machine.machine, Strategy.PVT, simulated=True).problems]
+    assert codes == ["rule.force_differs", "rule.lobe_differs"]
+    back = edited(edited(tried, "spindle_speed_rpm", "1000"), "chucking_force_n", "1314")
+    (missing,) = of_lobe(back.job, machine.machine, Strategy.PVT, simulated=False).problems
+    assert (missing.code, missing.limit) == ("rule.lobe_unstated", "lobe_force_n, lobe_spindle_speed_rpm")

@@ -1,8 +1,9 @@
-"""Kept calibrations of a chuck: they fill what a profile leaves open, and never overrule what it says."""
+"""Kept calibrations of a chuck: they give what a profile leaves open or assumes, and overrule nothing else."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,21 +12,36 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.session.calibrated_chuck import calibrated
+from console.session.calibrated_chuck import CalibratedMachine, calibrated, calibrated_or_stated, warnings_of
+from console.session.stop_records import record_path
+from console.text.catalogue import load as catalogue
+from console.tui.lines import plain
+from console.tui.pages.setup_lines import finding_lines
+from drivers.cut import Strategy, first_spindle_counts, plan_cut
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.configuration.fingerprint import ours, read_fingerprint
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import ideal
+from drivers.stop_record import stop_key
 from profiles.calibration.contact import bending_um, contact_um
 from profiles.chucking.advice import clamping_advice
+from profiles.confidence import student
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.machine_signature import iron_problems
 from profiles.problem import ProfileError
-from profiles.rules import Severity, lobe_as_found
+from profiles.rules import Severity, check, lobe_as_found
 from profiles.store import BUNDLED_MACHINES, load_job, load_machine
 
 Console = Callable[..., Any]
 
 JOB = load_job("lee-2001-experiment-1").job
-LATHE = load_machine("lee-2001-lathe").machine
+LOADED = load_machine("lee-2001-lathe")
+LATHE = LOADED.machine
+STATED = replace(LATHE, assumed=())
 OPEN = replace(
-    LATHE,
+    STATED,
     chuck=replace(
         LATHE.chuck,
         force_per_torque_n_per_n_m=None,
@@ -77,6 +93,10 @@ def jaws(folder: Path) -> str:
     return str(path)
 
 
+def with_calibrations(machine: MachineProfile, data: Path) -> CalibratedMachine:
+    return calibrated(replace(LOADED, machine=machine), data)
+
+
 def warned(job: Job, machine: MachineProfile) -> set[str]:
     return {f.problem.key for f in lobe_as_found(job, machine) if f.severity is Severity.WARNING}
 
@@ -84,7 +104,7 @@ def warned(job: Job, machine: MachineProfile) -> set[str]:
 def test_what_a_profile_leaves_open_comes_from_the_newest_calibrations(
     console: Console, tmp_path: Path, data: Path
 ) -> None:
-    assert calibrated(OPEN, data).machine == OPEN
+    assert with_calibrations(OPEN, data).machine == OPEN
     for words in ((wrench(tmp_path, 200.0, 0.0, 50.0),), (wrench(tmp_path, 300.0, 400.0, 60.0), "--affine")):
         said = console("calibrate", "chuck", *words, "--keep", "--json")
         assert said.code == 0
@@ -94,7 +114,7 @@ def test_what_a_profile_leaves_open_comes_from_the_newest_calibrations(
         "force_sd_percent",
     }
     assert console("calibrate", "chuck", jaws(tmp_path), "--keep").code == 0
-    found = calibrated(OPEN, data)
+    found = with_calibrations(OPEN, data)
     chuck = found.machine.chuck
     assert chuck.force_per_torque_n_per_n_m == pytest.approx(300.0, rel=0.02)
     assert chuck.force_offset_n == pytest.approx(400.0, abs=120.0)
@@ -134,8 +154,9 @@ def test_what_a_profile_says_it_says_and_a_contradiction_is_told(
     console: Console, tmp_path: Path, data: Path, slope: float, told: list[str]
 ) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, slope, 0.0, 50.0), "--keep").code == 0
-    found = calibrated(LATHE, data)
-    assert found.machine == LATHE
+    found = with_calibrations(STATED, data)
+    assert found.machine == STATED
+    assert found.used == {}
     assert set(found.sources.values()) == {""}
     assert [problem.code for problem in found.warnings] == told
 
@@ -144,19 +165,124 @@ def test_half_a_line_of_the_profile_is_not_completed(console: Console, tmp_path:
     """With a slope of its own the profile has no offset: that of another line would be of no line at all."""
     assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 400.0, 60.0), "--affine", "--keep").code == 0
     only_slope: MachineProfile = replace(OPEN, chuck=replace(OPEN.chuck, force_per_torque_n_per_n_m=310.0))
-    found = calibrated(only_slope, data)
+    found = with_calibrations(only_slope, data)
     assert found.machine.chuck.force_offset_n is None
     assert found.machine.chuck.force_sd_percent is not None
 
 
-def test_a_record_without_its_numbers_is_refused(console: Console, tmp_path: Path, data: Path) -> None:
+def test_a_value_that_nobody_has_measured_gives_way_to_one_that_was(
+    console: Console, tmp_path: Path, data: Path
+) -> None:
+    """The bundled lathe assumes 377 N/(N m) and 5 %; a line is one thing, and takes its offset along."""
+    assert "chuck.force_per_torque_n_per_n_m" in LATHE.assumed
+    told = console("calibrate", "chuck", wrench(tmp_path, 300.0, 400.0, 60.0), "--affine", "--keep", "--json")
+    found = calibrated(LOADED, data)
+    chuck, profile = found.machine.chuck, told.json["found"]["profile"]
+    assert {key: getattr(chuck, key) for key in profile} == profile
+    assert chuck.force_offset_n == pytest.approx(400.0, abs=120.0)
+    measured = {f"chuck.{key}" for key in profile}
+    assert set(LATHE.assumed) - set(found.machine.assumed) == measured & set(LATHE.assumed)
+    assert found.used == dict.fromkeys(profile, told.json["date"])
+    assert found.warnings == ()
+    assert (found.path, found.sha256) == (LOADED.path, LOADED.sha256)
+    # The slope as it is stated: then neither of the two is the calibration's, and it is told.
+    half = replace(LATHE, assumed=tuple(name for name in LATHE.assumed if "torque" not in name))
+    stays = with_calibrations(half, data)
+    assert (stays.machine.chuck.force_per_torque_n_per_n_m, stays.machine.chuck.force_offset_n) == (377.0, None)
+    assert [problem.code for problem in stays.warnings] == ["calibration.differs"]
+    assert set(stays.used) == {"force_sd_percent"}
+
+
+def test_without_calibrations_a_machine_is_what_its_file_says(data: Path) -> None:
+    for name in ("lee-2001-lathe", "turbo-ethernet-lathe"):
+        loaded = load_machine(name)
+        found = calibrated(loaded, data)
+        assert (found.machine, found.path, found.sha256) == (loaded.machine, loaded.path, loaded.sha256)
+        assert (found.used, found.warnings) == ({}, ())
+
+
+def test_what_is_proven_of_a_machine_does_not_look_at_its_calibrations(
+    console: Console, tmp_path: Path, data: Path
+) -> None:
+    """Stop record, what is ours on the card, and why a response is another one's: as without."""
+    for table in (wrench(tmp_path, 300.0, 0.0, 50.0), jaws(tmp_path)):
+        assert console("calibrate", "chuck", table, "--keep").code == 0
+    found = calibrated(LOADED, data)
+    assert found.machine.chuck != LATHE.chuck
+    own, other = (replace(machine, chuck=LATHE.chuck, assumed=()) for machine in (LATHE, found.machine))
+    assert own == other, "nothing but the chuck and what is assumed of it"
+    sim = SimulatedLathe(LATHE)
+    client = PmacClient(MemoryLink(sim.connect(), sim), sim)
+    client.connect()
+    before, after = (
+        (
+            stop_key(client, machine, client.dialect),
+            ours(machine, client.dialect),
+            read_fingerprint(client, machine, client.dialect).configuration,
+            iron_problems(machine),
+            record_path(data, machine),
+            first_spindle_counts(JOB, machine, Strategy.PVT),
+            plan_cut(JOB, machine, Strategy.PVT).text,
+        )
+        for machine in (LATHE, found.machine)
+    )
+    assert before == after
+    assert ideal(LATHE) == ideal(found.machine)
+
+
+@pytest.mark.parametrize("broken", ["not json", "without", "wild", "of another"])
+def test_a_broken_calibration_is_refused_and_the_screen_opens_without(
+    console: Console, tmp_path: Path, data: Path, broken: str
+) -> None:
+    assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 0.0, 50.0), "--keep").code == 0
+    (file,) = data.rglob("wrench-*.json")
+    record = json.loads(file.read_text())
+    match broken:
+        case "without":
+            del record["found"]["profile"]
+        case "wild":
+            record["found"]["profile"]["force_sd_percent"] = 400.0
+        case "of another":
+            record["subject"] = "another lathe"
+    file.write_text("{" if broken == "not json" else json.dumps(record))
+    code = "calibration.unusable" if broken == "wild" else "calibration.record"
+    with pytest.raises(ProfileError, match=code):
+        calibrated(LOADED, data)
+    for words in (("predict", JOB.name), ("preview", JOB.name), ("run", JOB.name, "--sim"), ("program", JOB.name)):
+        said = console(*words)
+        assert (said.code, said.out) == (1, "")
+        assert str(file) in said.err and "take the file away" in said.err
+    opened = calibrated_or_stated(LOADED, data)
+    assert opened.machine == LATHE
+    assert [problem.code for problem in opened.warnings] == ["calibration.not_used", code]
+    assert opened.warnings[1].where == str(file)
+    told = plain(finding_lines(check(JOB, opened.machine), catalogue("en"), 60, 30, warnings_of(opened)))
+    assert "take the file away" in " ".join(told.split())
+    assert "NO calibration of the chuck is used" in " ".join(told.split())
+
+
+def test_a_fit_that_contradicts_has_to_be_a_whole_one(console: Console, tmp_path: Path, data: Path) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, 377.0, 0.0, 50.0), "--keep").code == 0
     (file,) = data.rglob("wrench-*.json")
     record = json.loads(file.read_text())
     del record["found"]["slope_n_per_n_m"]
     file.write_text(json.dumps(record))
     with pytest.raises(ProfileError, match=r"calibration\.record"):
-        calibrated(LATHE, data)
+        with_calibrations(STATED, data)
+
+
+def test_a_scatter_that_no_profile_may_have_is_not_kept(console: Console, tmp_path: Path, data: Path) -> None:
+    torque = np.repeat(np.linspace(10.0, 40.0, 4), 15)
+    force = torque * 300.0 * np.where(np.arange(torque.size) % 2, 1.9, 0.1)
+    path = tmp_path / "wild.csv"
+    path.write_text(
+        "\n".join(["torque_n_m,force_n", *(f"{t:g},{f:g}" for t, f in zip(torque, force, strict=True))])
+    )
+    said = console("calibrate", "chuck", str(path), "--keep")
+    assert said.code == 1
+    assert "chuck.force_sd_percent" in said.err
+    assert list(data.rglob("wrench-*.json")) == []
+    assert console("calibrate", "chuck", str(path)).code == 0
 
 
 def test_a_slope_that_is_hardly_known_is_told(console: Console, tmp_path: Path) -> None:
@@ -181,6 +307,57 @@ def test_a_lobe_is_kept_with_the_chuck_and_the_tool_that_it_was_found_with(
     assert console("calibrate", "lobe", str(path), "--job", JOB.name, "--keep").code == 0
     kept = load_job(f"{JOB.name}-2", data / "jobs").job
     assert (kept.lobe_chuck, kept.lobe_tool) == (LATHE.chuck.name, LATHE.tool.name)
-    other = load_machine("turbo-ethernet-lathe").machine
+    chuck, tool = replace(LATHE.chuck, name="collet"), replace(LATHE.tool, name="CCMT")
+    other = replace(LATHE, chuck=chuck, tool=tool)
     judged = {name: warned(kept, machine) for name, machine in (("own", LATHE), ("other", other))}
     assert judged == {"own": set(), "other": {"chuck.name", "tool.name"}}
+
+
+def test_a_calibration_of_another_chuck_is_not_used_and_that_is_told(
+    console: Console, tmp_path: Path, data: Path
+) -> None:
+    """The newest of the chuck that is on counts; where there is none, what is known of another one is not it."""
+    for slope in (300.0, 250.0):
+        assert console("calibrate", "chuck", wrench(tmp_path, slope, 0.0, 50.0), "--keep").code == 0
+    older, newer = sorted(data.rglob("wrench-*.json"))
+    record = json.loads(newer.read_text())
+    assert record["chuck"] == LATHE.chuck.name
+    newer.write_text(json.dumps({**record, "chuck": "collet"}))
+    found = calibrated(LOADED, data)
+    assert found.machine.chuck.force_per_torque_n_per_n_m == pytest.approx(300.0, rel=0.02)
+    assert found.warnings == ()
+    older.unlink()
+    other = calibrated(LOADED, data)
+    assert other.machine == LATHE and other.used == {}
+    (told,) = other.warnings
+    assert (told.code, told.value, told.limit) == ("calibration.other_chuck", '"collet"', f'"{LATHE.chuck.name}"')
+    assert "NOT used" in catalogue("en").problem(told) and "collet" in catalogue("ko").problem(told)
+    no_name = {key: value for key, value in record.items() if key != "chuck"}
+    newer.write_text(json.dumps(no_name))
+    assert calibrated(LOADED, data).used, "kept before the name was: nobody says that it is of another"
+
+
+@pytest.mark.parametrize("change", [{"covariance": [1.0]}, {"covariance": [-1.0, 0.0, 1.0]}, {"sd_n": "much"}])
+def test_a_line_that_does_not_say_how_sure_it_is_is_none_of_ours(
+    console: Console, tmp_path: Path, data: Path, change: dict[str, Any]
+) -> None:
+    assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 0.0, 50.0), "--keep").code == 0
+    (file,) = data.rglob("wrench-*.json")
+    record = json.loads(file.read_text())
+    file.write_text(json.dumps({**record, "found": {**record["found"], **change}}))
+    with pytest.raises(ProfileError) as refused:
+        calibrated(LOADED, data)
+    assert [problem.code for problem in refused.value.problems] == ["calibration.record"]
+
+
+def test_the_force_of_a_clamping_is_as_sure_as_the_fit_says(console: Console, tmp_path: Path, data: Path) -> None:
+    """By the 95 % band of one clamping of `calibrate chuck`, at the middle torque, over Student's t."""
+    table = wrench(tmp_path, 300.0, 400.0, 60.0)
+    kept = console("calibrate", "chuck", table, "--affine", "--torque", "25", "--keep", "--json").json
+    band = kept["asked"]["torque 25"]
+    job = replace(JOB, chucking_force_n=band["value"])
+    advice = clamping_advice(job, calibrated(LOADED, data).machine)
+    assert advice.at_rest_sd_n == pytest.approx((band["high"] - band["value"]) / student(10), rel=1e-6)
+    assert advice.at_rest_sd_n == pytest.approx(math.hypot(advice.scatter_sd_n, advice.line_sd_n))
+    assert 0.0 < advice.line_sd_n < advice.scatter_sd_n
+    assert clamping_advice(job, LATHE).line_sd_n == 0.0, "a line that is only stated"

@@ -31,7 +31,7 @@ def test_a_closed_stream_changes_nothing_else(closed: str) -> None:
 @needs_full
 @pytest.mark.parametrize("unbuffered", [False, True])
 @pytest.mark.parametrize(
-    "words", ["jobs", "--help", "jobs --help", "preview lee-2001-experiment-1 --json", "--version"]
+    "words", ["jobs", "--help", "jobs --help", "predict lee-2001-experiment-1 --json", "--version"]
 )
 def test_a_full_disk_is_one_line(words: str, unbuffered: bool) -> None:
     done = shell(f"{words} >{FULL}", unbuffered=unbuffered)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from console.session.identified import load, store
@@ -48,6 +48,7 @@ def test_what_was_kept_is_found_again_to_the_last_bit(tmp_path: Path) -> None:
     assert load(file) == RESPONSE
 
 
+@settings(max_examples=25)
 @given(
     gain=st.floats(0.0, 10.0),
     phase_deg=st.floats(-180.0, 180.0),

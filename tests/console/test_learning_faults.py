@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,8 @@ from console.session import learning
 from console.session.learning import learn
 from console.session.run import plan_run
 from console.session.sequence import Shop, Step
+from console.text.catalogue import load
+from drivers import cut
 from drivers.cut import Strategy
 from drivers.heartbeat import Heartbeat, cut_condition
 from drivers.lathe import Lathe
@@ -18,9 +21,10 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.presets import plant_named
 from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
-from profiles.problem import ProblemError
+from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
 from tests.compact import compact_machine
 
@@ -58,7 +62,7 @@ class Row:
 
     def learn(self, monkeypatch: pytest.MonkeyPatch) -> float:
         """Return the roundness of the part."""
-        monkeypatch.setattr(learning, "AIR_PASSES", 0)
+        monkeypatch.setattr(learning, "MOST_AIR_PASSES", 0)
         plan = plan_run(JOB, MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
         return learn(plan, self.shop, self.tell, 1).parts[0].roundness.ront_um
 
@@ -99,3 +103,44 @@ def test_a_line_of_9600_baud_is_asked_for_shorter_pieces(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(row, "tell", tell)
     assert row.learn(monkeypatch) < 0.3
+
+
+STRONG = """\
+schema = 1
+source = "a drive that pushes twice as hard as its profile says"
+[tool]
+thrust_factor = 2.0
+coulomb_friction_n = 3.0
+encoder_noise_um = 0.3
+"""
+"""abs(1 - T'/T) is 0.45 at 50 Hz and 1.51 at 150 Hz: what is learned of 9/rev grows by half in each pass."""
+
+
+def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = tmp_path / "strong.toml"
+    plant.write_text(STRONG, encoding="utf-8")
+    row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, plant_named(str(plant), MACHINE, 3)))
+    monkeypatch.setattr(learning, "MOST_AIR_PASSES", 3)
+    monkeypatch.setattr(learning._Learner, "_plain", lambda *_: None)  # the parts to compare with
+    plan = plan_run(replace(JOB, cut_length_mm=1.0), MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
+    result = learn(plan, row.shop, row.tell, 1)
+    (part,) = result.parts
+    (grown,) = part.grown
+    assert grown.waves == 9 and grown.grown_um > 1.5 * grown.best_um
+    assert next(w.amplitude_um for w in part.path.command.waves if w.lobes == 9) == pytest.approx(0.0, abs=1e-9)
+    assert 3 in part.learned and 9 not in part.learned
+    assert part.roundness.amplitude_um(9) < 1.0
+    (problem,) = result.warnings
+    assert "9/rev is not learned: it grew from" in load("en").problem(problem)
+
+
+def test_an_axis_that_needs_more_than_friction_takes_is_named_in_air(monkeypatch: pytest.MonkeyPatch) -> None:
+    def off(*_: object, **__: object) -> tuple[Problem, ...]:
+        return (Problem(code="path.beyond", key="command", value="60.0 um", limit="<= 41.8 um"),)
+
+    monkeypatch.setattr(cut, "path_problems", off)
+    plan = plan_run(replace(JOB, cut_length_mm=0.5), MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
+    with pytest.raises(ProblemError) as refused:
+        learn(plan, Row(lambda _: None).shop, lambda *_: None, 1)
+    said = load("en").problem(refused.value.problems[0])
+    assert "guides" in said and "trace" not in said

@@ -17,13 +17,19 @@ from benchmarks.learning import OFF, lobe_um_pp
 
 Console = Callable[..., Any]
 
+JobFile = Callable[..., Path]
+
 pytestmark = pytest.mark.timeout(300)
+
+HALF_MM = "4.0"
+"""Half the cut of the paper's jobs: there is less of it to learn from, and the limits are the same."""
 
 
 def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machine(
-    console: Console, close: tuple[str, str]
+    console: Console, close: tuple[str, str], job_file: JobFile
 ) -> None:
     words = (
+        str(job_file(cut_length_mm=HALF_MM)),
         *close,
         "--sim",
         "--plant",
@@ -36,7 +42,7 @@ def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machi
         "3",
         "--json",
     )
-    result = console("run", "lee-2001-experiment-1", *words).json
+    result = console("run", *words).json
     first, second, third = result["passes"]
     floor = result["floor"]
     assert result["before"]["RONt_um"] > 50.0
@@ -50,6 +56,8 @@ def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machi
     # The cutting force makes a wave of its own on a soft servo, which the first part learns away while it is cut.
     assert 1.0 < first["learned"]["trim"][0]["amplitude_um"] < 4.0
     assert second["learned"]["trim"][0]["amplitude_um"] < 0.5
+    assert [part["learned"]["frozen"] for part in result["passes"]] == [[], [], []]
+    assert {3, 9} <= set(first["learned"]["learned_waves"])
     # The mean depth comes with the parts: the force holds the first one too large.
     assert abs(third["mean_deviation_um"]) < 2.0 < first["mean_deviation_um"]
 

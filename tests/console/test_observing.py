@@ -27,6 +27,7 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
+from console.session.made_parts import MadeWith
 from console.session.orders import ORDERS
 from console.session.state import Activity, Armed
 from drivers.cut import Strategy, plan_cut
@@ -97,7 +98,9 @@ def in_a_jog(owner: WithStation, act: Callable[[], object], way_mm: float = 5.0)
 def armed(sim: SimulatedLathe, owner: WithStation) -> Armed:
     plan = plan_cut(JOB, owner.place.machine, Strategy.PVT)
     alignment = owner.state.alignment
-    return Armed(job=JOB, strategy=Strategy.PVT, plan=plan, alignment=alignment, until_s=sim.now_s() + 10.0)
+    made = MadeWith(compensation="none", strategy="pvt", stage="full", inverted="model")
+    until_s = sim.now_s() + 10.0
+    return Armed(job=JOB, strategy=Strategy.PVT, plan=plan, alignment=alignment, until_s=until_s, made=made)
 
 
 def test_the_second_console_looks_on_and_says_why(owner: WithStation, observer: WithStation) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,10 +22,14 @@ def test_json_has_the_error_over_angle_and_z(console: Console) -> None:
     assert seen["angle_deg"][int(error[0].argmax())] % 120 == 90
     assert (seen["cut"]["mechanism"], seen["cut"]["high_at_jaws"]) == ("spring_back", True)
     assert seen["cut"]["measured_um_pp"] == 55.0
-    assert 3077 < seen["cut"]["matching_force_n"] < 6593
+    assert 3077 < seen["model"]["matching_force_n"] < 6593
+    assert (seen["scaled_to"]["source"], seen["scaled_to"]["found_um_pp"]) == ("measured", 55.0)
+    assert seen["cut"]["um_pp"] == pytest.approx(55.0)
+    assert seen["model"]["um_pp"] == pytest.approx(12.37, abs=0.01)
     assert seen["clamping"]["minimum_n"] < seen["clamping"]["at_rest_n"] < seen["clamping"]["maximum_n"]
     assert seen["process"]["force"]["main_n"] == pytest.approx(7.40, abs=0.005)
-    assert {finding["severity"] for finding in seen["findings"]} == {"ok"}
+    minded = [finding["code"] for finding in seen["findings"] if finding["severity"] != "ok"]
+    assert minded == ["rule.second_pass"]
 
 
 @pytest.mark.parametrize(("language", "words"), [("en", "springs back"), ("ko", "탄성 복원")])
@@ -32,7 +37,13 @@ def test_people_read_the_same_numbers(console: Console, language: str, words: st
     seen = console("predict", "lee-2001-experiment-1", "--json").json
     said = console("predict", "lee-2001-experiment-1", "--lang", language)
     assert said.code == 0
-    for number in (f"{seen['cut']['um_pp']:.2f} um", f"{seen['cut']['matching_force_n']:.0f} N", words):
+    for number in (
+        f"{seen['cut']['um_pp']:.2f} um",
+        f"{seen['model']['um_pp']:.2f} um",
+        f"× {seen['scaled_to']['factor']:.3g}",
+        f"{seen['model']['matching_force_n']:.0f} N",
+        words,
+    ):
         assert number in said.out
     assert "{" not in said.out
 
@@ -56,3 +67,17 @@ def test_a_job_that_clamps_too_hard_is_warned_and_predicted(console: Console, jo
     answer = console("predict", str(job_file(chucking_force_n="6500.0", lobe_force_n="6500.0")))
     assert answer.code == 0
     assert "!  stress under the jaws" in answer.out
+
+
+def test_limits_beyond_what_the_machine_has_limit_nothing(console: Console) -> None:
+    """A bar has hardly any lobe: 6e8 N would change it by the tolerance, and 3e7 rpm would be too fast for it."""
+    seen = console("predict", "steel-bar-65", "--json").json
+    assert seen["clamping"]["beyond"] == ["scatter", "uncompensated"]
+    assert seen["clamping"]["limits_n"]["scatter"] > 6593.0 == seen["clamping"]["limits_n"]["chuck"]
+    assert set(seen["envelope"]["beyond"]) == set(seen["envelope"]["at_job"]["rpm"])
+    assert (seen["cut"]["crest_deg"], seen["cut"]["high_at_jaws"]) == (None, None)
+    said = console("predict", "steel-bar-65").out
+    numbers = [float(word) for line in said.splitlines() for word in line.split() if word.isdigit()]
+    assert max(numbers) == 6593
+    assert "no lobe at the jaws" in said and "high at the jaws" not in said
+    assert re.search(r"spindle +3000 +33\.3", said)

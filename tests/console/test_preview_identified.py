@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from console.session.foreseen import predicted_band
-from console.session.preview import predict, preview
+from console.session.predicted import predict
+from console.session.preview import preview
 from drivers.cut import Strategy, plan_cut
 from drivers.identification.nominal import path_response
 from drivers.identification.result import SCHEMA
@@ -143,7 +144,8 @@ def test_what_is_foreseen_is_of_the_strategy_whose_path_was_identified(
         "band.servo.identified",
         "band.clamping",
         "band.cutting",
-        "band.friction",
+        "band.friction.identified",
+        "band.spindle",
     ]
     assert band["low_um"] <= found["predicted"]["after"]["ront_um"] <= band["high_um"]
     way = {name: np.array(values) for name, values in found["trajectory"].items()}

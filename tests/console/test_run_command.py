@@ -88,18 +88,28 @@ def test_ts_5_reaches_the_speed_but_not_the_stroke(
     assert result["after"]["RONt_um"] == pytest.approx(43.2, abs=1.0)
 
 
-def test_without_compensation_nothing_is_gained(console: Console) -> None:
-    result = console("run", "lee-2001-experiment-2", "--sim", "--json", "--strategy", "none").json
+def test_without_compensation_nothing_is_gained(
+    console: Console, close: tuple[str, str], job_file: JobFile
+) -> None:
+    path = str(job_file(cut_length_mm=SHORT_MM))
+    result = console("run", path, "--sim", *close, "--json", "--strategy", "none").json
     assert result["before"] == result["after"]
     assert result["improvement_percent"] == 0
     assert result["collisions"] == []
 
 
-def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(console: Console, job_file: JobFile) -> None:
+def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(
+    console: Console, close: tuple[str, str], job_file: JobFile
+) -> None:
     path = job_file(
-        jaws="4", lobe_error_um_pp="20.0", lobe_phase_deg="17.0", spindle_speed_rpm="730.0", diameter_mm="61.0"
+        jaws="4",
+        lobe_error_um_pp="20.0",
+        lobe_phase_deg="17.0",
+        spindle_speed_rpm="730.0",
+        diameter_mm="53.0",
+        cut_length_mm=SHORT_MM,
     )
-    result = console("run", str(path), "--sim", "--json").json
+    result = console("run", str(path), "--sim", *close, "--json").json
     before = result["before"]
     assert before["RONt_um"] == pytest.approx(20.0, abs=0.3)
     assert harmonic(before, 4)["amplitude_um"] == pytest.approx(10.0, abs=0.1)
@@ -138,7 +148,7 @@ def test_the_same_command_gives_the_same_numbers(
 def test_people_are_told_the_steps_and_the_result_with_units(
     console: Console, close: tuple[str, str], job_file: JobFile
 ) -> None:
-    said = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close)
+    said = console("run", str(job_file(cut_length_mm=SHORT_MM, roundness_tolerance_um="10.0")), "--sim", *close)
     assert said.code == 0
     assert said.err == ""
     for word in ("load program", "home and align", "arm", "cut", "retract", "measure", "um", "rpm", "LSC", "free"):
@@ -169,10 +179,12 @@ def test_every_run_is_recorded_and_no_line_can_be_changed(
     database.close()
 
 
-def test_without_a_place_for_the_record_nothing_is_started(console: Console, tmp_path: Path) -> None:
+def test_without_a_place_for_the_record_nothing_is_started(
+    console: Console, job_file: JobFile, tmp_path: Path
+) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    said = console("run", "lee-2001-experiment-1", "--sim", "--data", str(blocked))
+    said = console("run", str(job_file(roundness_tolerance_um="10.0")), "--sim", "--data", str(blocked))
     assert said.code == 1
     assert said.out == ""
     assert "--data" in said.err

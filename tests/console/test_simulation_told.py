@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 
 from console.cli.parser import build
-from console.cli.simulation import simulation_told
+from console.cli.simulation import iron_told, simulation_told
 from console.text.catalogue import load
 from drivers.link.address import SimulatedAddress
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.process import SimulatorProcess
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
@@ -34,6 +36,38 @@ def test_a_plant_a_seed_and_a_spread_are_handed_on() -> None:
     asked = told("--plant", "realistic", "--seed", "7", "--clamping-sd", "2.5")
     assert asked == SimulatedAddress(plant="realistic", seed=7, clamping_sd_percent=2.5)
     assert told("--seed", "7") == SimulatedAddress(seed=7)
+
+
+def iron(*words: str) -> TrueParameters | None:
+    machine: MachineProfile = load_machine("lee-2001-lathe").machine
+    return iron_told(build(load("en")).parse_args(["run", "lee-2001-experiment-1", "--sim", *words]), machine)
+
+
+def test_a_run_that_nobody_aligns_is_on_a_lathe_that_needs_no_alignment() -> None:
+    """A seed or a spread alone leaves it as its profile says, with jaw 1 and the tip where the job has them."""
+    nominal = ideal(load_machine("lee-2001-lathe").machine)
+    assert iron() is None
+    assert iron("--seed", "1") == replace(nominal, seed=1)
+    assert iron("--seed", "1", "--clamping-sd", "3") == replace(nominal, seed=1, clamping_force_spread=0.03)
+    real = iron("--plant", "realistic", "--seed", "1")
+    assert real is not None
+    assert (real.jaw_1_deg, real.home_radius_mm) == (None, nominal.home_radius_mm)
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_run_on_a_lathe_that_somebody_has_to_align_is_refused_with_what_to_do(
+    console: Console, language: str
+) -> None:
+    words = ("run", "lee-2001-experiment-1", "--sim", "--plant", "mounted", "--seed", "1", "--lang", language)
+    said = console(*words)
+    assert (said.code, said.out) == (1, "")
+    assert all(word in said.err for word in ("console --sim --plant mounted", "ideal", "realistic"))
+
+
+def test_how_the_simulated_lathe_is_says_nothing_of_a_real_one(console: Console) -> None:
+    said = console("run", "lee-2001-experiment-1", "--link", "tcp:127.0.0.1:9", "--yes", "--seed", "1")
+    assert said.code == 2
+    assert "--sim" in said.err
 
 
 def test_a_file_that_cannot_be_used_is_refused_before_the_screen_opens(tmp_path: Path) -> None:

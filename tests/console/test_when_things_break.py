@@ -166,7 +166,8 @@ def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
 def test_what_would_go_wrong_in_the_cut_is_refused_before_it(
     changes: dict[str, Any], code: str, strategy: Strategy
 ) -> None:
-    job: Job = replace(JOB, chucking_force_n=6500.0, lobe_force_n=6500.0, **changes)
+    rpm = changes.get("spindle_speed_rpm", JOB.spindle_speed_rpm)
+    job: Job = replace(JOB, chucking_force_n=6500.0, lobe_force_n=6500.0, lobe_spindle_speed_rpm=rpm, **changes)
     with pytest.raises(SessionError) as refused:
         plan_run(job, MACHINE, strategy)
     assert code in codes(refused)

@@ -124,7 +124,7 @@ def assert_no_motion_is_without_a_move(timeline: Timeline, moves: Sequence[MoveA
         assert close(max(peaks.acceleration for peaks in told), whole.acceleration)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(programs)
 def test_what_is_said_of_the_motion_of_any_program_holds(text: str) -> None:
     checked = check_program(text, MACHINE)

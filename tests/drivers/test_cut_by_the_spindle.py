@@ -38,6 +38,7 @@ def test_less_than_a_third_of_a_micrometre_is_left_whatever_the_chuck(
         jaws=jaws,
         lobe_phase_deg=phase_deg,
         spindle_speed_rpm=rpm,
+        lobe_spindle_speed_rpm=rpm,
         lobe_error_um_pp=error_um,
     )
     floor = CutFloor(job, machine, strategy)

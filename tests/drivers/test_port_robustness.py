@@ -50,7 +50,7 @@ def segments(stream: bytes, sizes: list[int]) -> list[bytes]:
     return [*parts, stream]
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(pieces=st.lists(BYTES, max_size=12), sizes=st.lists(st.integers(0, 60), max_size=8))
 def test_no_bytes_in_any_segmentation_bring_the_card_down(
     machine: MachineProfile, pieces: list[bytes], sizes: list[int]

@@ -11,6 +11,8 @@ import pytest
 
 from drivers.simulator.plant.cutting_force import ALUMINIUM
 from drivers.simulator.plant.tip_load import Stock, TipGeometry, TipLoad
+from profiles.cutting import cutting_force
+from profiles.materials import material_named
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 RADIUS_MM, HOME_MM, COUNTS_PER_MM = 26.0, 76.0, 5000.0
@@ -93,9 +95,18 @@ def lobed(turns: np.ndarray, forces: np.ndarray) -> tuple[float, complex]:
     [(0.10, 0.05, 7.40), (0.10, 0.10, 12.45), (0.06, 0.05, 4.44), (0.06, 0.10, 7.47), (0.1275, 0.10, 15.87)],
 )
 def test_the_force_is_the_share_of_the_tables(depth_mm: float, feed_mm: float, force_n: float) -> None:
-    """Wrought aluminium, 700 N/mm2 and 0.25: 0.4 of it, and 0.4 of 7 N for each mm of edge."""
+    """Wrought aluminium, 700 N/mm2 and 0.25: 0.4 of it; a chip of 0.02 mm and more does not feel the edge."""
     _, forces = Cutting(0.4, 7.0, feed_mm).passes(lambda _: depth_mm, 4.0)
-    assert forces == pytest.approx(0.4 * (force_n + 7.0 * depth_mm), abs=0.005)
+    assert forces == pytest.approx(0.4 * force_n, abs=0.005)
+
+
+@pytest.mark.parametrize(("feed_mm", "edge"), [(0.02, 0.0), (0.01, 0.5), (0.005, 0.75)])
+def test_the_edge_comes_in_on_a_thin_chip_as_it_is_predicted(feed_mm: float, edge: float) -> None:
+    """7 N/mm on a chip of no thickness, half of it at 0.01 mm, where Kienzle has 700 x 0.1 x 0.01^0.75 N."""
+    _, forces = Cutting(0.4, 7.0, feed_mm).passes(lambda _: 0.1, 4.0)
+    assert forces == pytest.approx(0.4 * (700.0 * 0.1 * feed_mm**0.75 + 7.0 * 0.1 * edge), abs=0.005)
+    predicted = cutting_force(material_named("Al"), 0.1, feed_mm, passive_share=0.4, edge_n_per_mm=7.0)
+    assert forces == pytest.approx(predicted.passive_n, abs=1e-6)
 
 
 def test_a_lobed_path_has_a_lobed_force() -> None:

@@ -182,7 +182,7 @@ def test_the_lobe_goes_with_the_force_that_holds_the_part_at_speed(
     [
         ({}, 55.0),
         ({"lobe_spindle_speed_rpm": 1000.0, "lobe_force_n": 1314.0}, 55.0),
-        ({"spindle_speed_rpm": 2500.0}, 55.0),  # nothing is said of another speed
+        ({"spindle_speed_rpm": 2500.0, "lobe_spindle_speed_rpm": None}, 55.0),  # nothing is said of another speed
         ({"chucking_force_n": 657.0}, 55.0 * (657.0 - 230.29) / (1314.0 - 230.29)),
         ({"chucking_force_n": 200.0}, 0.0),  # the jaws let go of it
         ({"lobe_force_n": 200.0}, 0.0),  # so they did of the part that was measured

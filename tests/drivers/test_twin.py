@@ -276,9 +276,53 @@ def test_the_pinned_lathe_is_off_by_what_was_pinned(machine: MachineProfile) -> 
     assert (by_hand.moving_mass_kg, by_hand.ideal_spindle) == (true.moving_mass_kg, False)
 
 
-def test_ideal_and_paper_are_the_profile_to_the_letter(machine: MachineProfile) -> None:
+def test_ideal_is_the_profile_to_the_letter_and_paper_too_where_the_profile_is_of_the_paper(
+    machine: MachineProfile,
+) -> None:
     for name in ("ideal", "paper"):
         assert plant_named(name, machine, 0) == ideal(machine)
+
+
+def swings(machine: MachineProfile, true: TrueParameters) -> complex:
+    """How the tool answers in air to 5 um at 50 Hz."""
+    tool = build_drives(machine, true, settings_with(machine.controller.variables)).tool
+    tool.close_loop()
+    time_s = np.arange(round(1.2 / CYCLE_S)) * CYCLE_S
+    wave = np.exp(100j * np.pi * time_s)
+    told = 25.0 * np.minimum(time_s / 0.2, 1.0) * wave.imag
+    tail = slice(-round(0.4 / CYCLE_S), None)
+    return complex(2j * (np.array(tool.follow(told.tolist()))[tail] / wave[tail]).mean() / 25.0)
+
+
+def test_the_paper_has_its_iron_whatever_the_profile_says(machine: MachineProfile) -> None:
+    """T(50 Hz) with 4.74 kg, 201.6 N s/m and 624.025 N/V, on a profile of 5.5 kg and a third more thrust."""
+    heavy = replace(machine, tool=replace(machine.tool, moving_mass_kg=5.5, amplifier_gain_a_per_v=15.0))
+    assert swings(heavy, plant_named("paper", heavy, 0)) == pytest.approx(
+        complex(sampled_response(machine, 50.0)), rel=0.005
+    )
+    assert swings(heavy, plant_named("ideal", heavy, 0)) == pytest.approx(
+        complex(sampled_response(heavy, 50.0)), rel=0.005
+    )
+
+
+@pytest.mark.parametrize(("key", "factor"), [("mass_kg", "mass_factor"), ("thrust_n_per_v", "thrust_factor")])
+def test_a_value_and_a_factor_on_it_are_refused_together(
+    machine: MachineProfile, tmp_path: Path, key: str, factor: str
+) -> None:
+    path = tmp_path / "plant.toml"
+    path.write_text(f"{key} = 4.0\n{factor} = 1.0\n", encoding="utf-8")
+    with pytest.raises(ProfileError) as refused:
+        plant_named(str(path), machine, 1)
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.key, problem.value) == ("key.instead_of", key, factor)
+
+
+def test_friction_is_held_against_the_damping_of_the_plant(machine: MachineProfile, tmp_path: Path) -> None:
+    """20 N s/m are 1.57 N of friction at 0.1 m/s, whatever the profile says."""
+    path = tmp_path / "plant.toml"
+    path.write_text("damping_n_s_per_m = 20.0\ncoulomb_friction_n = 3.0\n", encoding="utf-8")
+    with pytest.raises(ProfileError, match=r"coulomb_friction_n.*met 3 N.*<= 1.571 N"):
+        plant_named(str(path), machine, 1)
 
 
 @pytest.mark.parametrize(
@@ -337,7 +381,7 @@ def test_the_lobe_may_be_what_it_is_whatever_the_job_believes(
 def test_a_realistic_lathe_positions_and_makes_a_part(
     machine: MachineProfile, experiment: JobMaker, bench_with: TrueBenchMaker
 ) -> None:
-    """3.2 N of passive force are up to 35 um of size that a plain cut loses; the lobe is that of the clamping."""
+    """3.0 N of passive force are up to 35 um of size that a plain cut loses; the lobe is that of the clamping."""
     job = replace(experiment(1), cut_length_mm=2.0)
     bench = bench_with(plant_named("realistic", machine, 2))
     bench.homed(job)

@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from profiles.compensation import (
+    CutPath,
     LobedPath,
+    Wave,
     chord_error,
     chord_scale,
     compensated_depth_um,
@@ -150,3 +152,35 @@ def test_a_delay_turns_the_response_and_leaves_its_gain() -> None:
     assert abs(late) == pytest.approx(abs(complex(0.5, -0.5)))
     assert cmath.phase(late) == pytest.approx(-math.pi / 4 - 0.1391, abs=1e-4)
     assert math.degrees(0.1391) / 3 == pytest.approx(2.66, abs=0.01)
+
+
+@given(
+    mean_um=st.floats(-200.0, 200.0),
+    waves=st.lists(st.tuples(st.floats(0.0, 60.0), st.floats(-360.0, 360.0)), min_size=3, max_size=3),
+    growth=st.floats(-0.1, 0.1),
+    by_deg=st.floats(-720.0, 720.0),
+    past_middle_mm=st.floats(-20.0, 20.0),
+)
+def test_a_turned_path_has_at_the_turned_angle_what_it_had_before(
+    mean_um: float, waves: list[tuple[float, float]], growth: float, by_deg: float, past_middle_mm: float
+) -> None:
+    lobe, *others = (
+        Wave(lobes=n, amplitude_um=a, crest_deg=c) for n, (a, c) in zip((3, 6, 9), waves, strict=True)
+    )
+    path = LobedPath(
+        mean_um=mean_um,
+        amplitude_um=lobe.amplitude_um,
+        lobes=3,
+        crest_deg=lobe.crest_deg,
+        overtones=tuple(others),
+        growth_per_mm=growth,
+    )
+    turned = path.turned(by_deg)
+    before_um = path.at_um(TURN_DEG, past_middle_mm)
+    np.testing.assert_allclose(turned.at_um(TURN_DEG + by_deg, past_middle_mm), before_um, atol=1e-7)
+    command = path.plus({3: 1.0 + 1.0j})
+    both = CutPath(wanted=path, command=command).turned(by_deg)
+    assert both.wanted == turned
+    np.testing.assert_allclose(
+        both.command.at_um(TURN_DEG), path.plus({3: 1.0 + 1.0j}).turned(by_deg).at_um(TURN_DEG)
+    )

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
-from profiles.chucking.advice import clamping_advice
+from profiles.chucking.advice import Stands, clamping_advice, force_span
 from profiles.chucking.grip import (
     centrifugal_loss_n,
     cut_grip_n,
@@ -14,12 +16,13 @@ from profiles.chucking.grip import (
     most_loss_speed_rpm,
     permitted_speed_rpm,
 )
+from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.chucking.wrench import Wrench, torque_n_m
 from profiles.cutting import cutting_force
 from profiles.job import Job
 from profiles.materials import material_named
 from profiles.problem import ProfileError
-from profiles.rules import Severity, check, lobe_um_per_n, refusals
+from profiles.rules import Severity, check, refusals
 from profiles.store import load_job, load_machine
 
 JOB = load_job("lee-2001-experiment-1").job
@@ -64,7 +67,7 @@ def test_a_force_is_a_torque_above_what_there_is_without_any() -> None:
 
 
 def test_the_advised_least_force_is_where_the_rule_begins_to_hold() -> None:
-    least_n = clamping_advice(JOB, LATHE).minimum_n
+    least_n = clamping_advice(JOB, LATHE).span.least_n
     assert least_n > centrifugal_loss_n(3 * 0.2 * 0.035, 1000) * 1.5
     held, slips = (replace(JOB, chucking_force_n=share * least_n) for share in (1.001, 0.999))
     assert "rule.grip_need" not in warned(held)
@@ -74,13 +77,68 @@ def test_the_advised_least_force_is_where_the_rule_begins_to_hold() -> None:
 
 def test_the_advised_most_force_is_where_its_warnings_begin() -> None:
     advice = clamping_advice(JOB, LATHE)
-    assert advice.maximum_n == advice.limits_n["scatter"]
+    assert advice.span.most_n == advice.span.limits_n["scatter"]
     for name, code in (("scatter", "rule.clamp_scatter"), ("wall", "rule.clamp_stress")):
         for share, severity in ((0.999, Severity.OK), (1.001, Severity.WARNING)):
             # The lobe is taken as found at 1314 N; it grows with what is left of the force at speed.
-            pressed = replace(JOB, chucking_force_n=share * advice.limits_n[name])
+            pressed = replace(JOB, chucking_force_n=share * advice.span.limits_n[name])
             (finding,) = [f for f in check(pressed, LATHE) if f.problem.code == code]
             assert finding.severity is severity
+
+
+OF_THE_FORCE = {
+    "rule.force_over_chuck",
+    "rule.grip_margin",
+    "rule.grip_need",
+    "rule.grip_loss",
+    "rule.clamp_stress",
+    "rule.clamp_scatter",
+}
+
+
+@given(
+    force_n=st.floats(10.0, 12_000.0),
+    speed_rpm=st.floats(50.0, 3000.0),
+    wall_mm=st.floats(0.5, 26.0),
+    depth_mm=st.floats(0.01, 0.4),
+    tolerance_um=st.floats(0.5, 60.0),
+    jaw_mass_kg=st.floats(0.05, 1.5),
+    safety=st.floats(1.0, 3.0),
+    sd_percent=st.floats(0.5, 30.0),
+)
+def test_inside_the_span_no_rule_minds_the_force_and_outside_one_does(
+    force_n: float,
+    speed_rpm: float,
+    wall_mm: float,
+    depth_mm: float,
+    tolerance_um: float,
+    jaw_mass_kg: float,
+    safety: float,
+    sd_percent: float,
+) -> None:
+    chuck = replace(LATHE.chuck, jaw_mass_kg=jaw_mass_kg, safety_factor=safety, force_sd_percent=sd_percent)
+    machine = replace(LATHE, chuck=chuck)
+    job = replace(
+        JOB,
+        chucking_force_n=force_n,
+        lobe_force_n=1314.0,
+        lobe_spindle_speed_rpm=200.0,
+        spindle_speed_rpm=speed_rpm,
+        wall_thickness_mm=wall_mm,
+        depth_of_cut_mm=depth_mm,
+        roundness_tolerance_um=tolerance_um,
+    )
+    span = force_span(job, machine)
+    assume(min(abs(force_n / end - 1.0) for end in (span.least_n, span.most_n)) > 1e-9)
+    minded = {f.problem.code: f.severity for f in check(job, machine) if f.severity is not Severity.OK}
+    assert span.most_n == span.limits_n[span.binding] == min(span.limits_n.values())
+    assert ("rule.clamp_span" in minded) is (span.least_n > span.most_n)
+    inside = span.least_n < force_n < span.most_n
+    assert bool(minded.keys() & OF_THE_FORCE) is not inside
+    if not span.empty:
+        assert span.stands(force_n) is (
+            Stands.INSIDE if inside else Stands.BELOW if force_n < span.least_n else Stands.ABOVE
+        )
 
 
 def test_a_soft_ring_and_heavy_jaws_leave_no_force_that_will_do() -> None:
@@ -88,15 +146,17 @@ def test_a_soft_ring_and_heavy_jaws_leave_no_force_that_will_do() -> None:
     chuck = replace(LATHE.chuck, jaw_mass_kg=0.8, jaw_radius_mm=60.0, force_sd_percent=10.0)
     job = replace(JOB, chucking_force_n=3000.0, lobe_force_n=2500.0)
     advice = clamping_advice(job, replace(LATHE, chuck=chuck))
-    assert advice.minimum_n > advice.maximum_n
-    assert advice.findings[-1].severity is Severity.WARNING
+    assert advice.span.least_n > advice.span.most_n
+    assert advice.span.stands(3000.0) is Stands.NONE
+    (found,) = [f for f in check(job, replace(LATHE, chuck=chuck)) if f.problem.code == "rule.clamp_span"]
+    assert found.severity is Severity.WARNING
     assert advice.at_speed_n == pytest.approx(3000 - 1579.1, abs=0.1)
 
 
 def test_a_plain_cut_is_within_the_tolerance_at_the_force_of_its_limit() -> None:
     """The lobe goes with what is left of the force: 55 um at 1314 - 230.3 N, so 5 um at 98.5 N; 230.3 are lost."""
     assert JOB.roundness_tolerance_um == 5.0
-    assert clamping_advice(JOB, LATHE).limits_n["uncompensated"] == pytest.approx(328.8, abs=0.05)
+    assert clamping_advice(JOB, LATHE).uncompensated_n == pytest.approx(328.8, abs=0.05)
 
 
 def test_the_lobe_for_a_newton_is_of_the_speed_at_which_it_was_found() -> None:
@@ -124,8 +184,13 @@ def test_the_torque_comes_from_the_machines_own_wrench_or_not_at_all() -> None:
     preloaded = replace(LATHE, chuck=replace(LATHE.chuck, force_offset_n=114.0))
     assert clamping_advice(JOB, preloaded).torque_n_m == pytest.approx(1200 / 377)
     hard = clamping_advice(JOB, replace(LATHE, chuck=replace(LATHE.chuck, force_offset_n=1000.0)))
-    assert hard.minimum_n < 1000.0
+    assert hard.span.least_n < 1000.0
     assert hard.torque_span_n_m is not None and hard.torque_span_n_m[0] == 0.0
+    # 2000 N without any torque are more than the 1970 N that the wrench's scatter allows: no torque will do.
+    biased = replace(LATHE, chuck=replace(LATHE.chuck, force_offset_n=2000.0))
+    assert (
+        clamping_advice(replace(JOB, chucking_force_n=2100.0, lobe_force_n=1314.0), biased).torque_span_n_m is None
+    )
     unknown = replace(LATHE, chuck=replace(LATHE.chuck, force_per_torque_n_per_n_m=None))
     assert clamping_advice(JOB, unknown).torque_n_m is None
 
@@ -135,4 +200,4 @@ def test_a_material_without_numbers_is_told_and_asks_nothing_of_the_grip() -> No
     found = {f.problem.code: f for f in check(job, LATHE)}
     assert found["rule.material_unknown"].severity is Severity.WARNING
     assert found["rule.grip_need"].problem.limit == ">= 0 N"
-    assert clamping_advice(job, LATHE).minimum_n == pytest.approx(1.5 * 230.29, abs=0.01)
+    assert clamping_advice(job, LATHE).span.least_n == pytest.approx(1.5 * 230.29, abs=0.01)

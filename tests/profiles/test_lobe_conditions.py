@@ -7,12 +7,14 @@ from typing import Any
 
 import pytest
 
-from profiles.lobe_conditions import FORCE_SHARE, force_as_found, lobe_differences, pinned
+from profiles.lobe_conditions import FORCE_SHARE, force_as_found, kept_condition, lobe_differences, unstated
 from profiles.prediction import predict
 from profiles.rules import Severity, check
 from profiles.store import load_job, load_machine
 
-JOB = pinned(load_job("lee-2001-experiment-1").job)
+MEASURED = load_job("lee-2001-experiment-1").job
+JOB = replace(MEASURED, lobe_chuck=None, lobe_tool=None)
+"""Says all of its cut but the names."""
 LATHE = load_machine("lee-2001-lathe").machine
 
 
@@ -50,7 +52,7 @@ def test_a_wall_within_its_limit_changes_the_lobe_by_no_more_than_the_force() ->
     ring = replace(JOB, overhang_mm=0.1, cut_length_mm=0.1, spindle_speed_rpm=1.0)
     limits = [replace(ring, wall_thickness_mm=wall_mm) for wall_mm in (2.5375, 2.4625)]
     for job in (*limits, replace(ring, diameter_mm=52.1)):
-        changed = predict(job, LATHE).cut.spring_back_um_pp / predict(ring, LATHE).cut.spring_back_um_pp
+        changed = predict(job, LATHE).model.spring_back_um_pp / predict(ring, LATHE).model.spring_back_um_pp
         assert abs(changed - 1.0) < FORCE_SHARE
 
 
@@ -63,5 +65,49 @@ def test_a_difference_is_a_warning_of_the_job() -> None:
         ("overhang_mm", "30 mm"),
         ("tool.name", '"CCMT"'),
     ]
-    (held,) = [each for each in check(JOB, LATHE) if each.problem.code == "rule.lobe_differs"]
+    (held,) = [each for each in check(MEASURED, LATHE) if each.problem.code == "rule.lobe_differs"]
     assert held.severity is Severity.OK
+
+
+CONDITIONS = (
+    "lobe_force_n",
+    "lobe_spindle_speed_rpm",
+    "lobe_overhang_mm",
+    "lobe_wall_thickness_mm",
+    "lobe_diameter_mm",
+    "lobe_chuck",
+    "lobe_tool",
+)
+
+
+@pytest.mark.parametrize("name", ["lee-2001-experiment-1", "lee-2001-experiment-2"])
+def test_the_jobs_of_the_paper_say_all_of_the_cut_that_was_measured(name: str) -> None:
+    """Table 6: the cut without compensation was that of the job; chucking force, chuck and tool are not given."""
+    job = load_job(name).job
+    assert unstated(job) == ()
+    assert {key for key in CONDITIONS if key in job.assumed} == {"lobe_force_n", "lobe_chuck", "lobe_tool"}
+    assert lobe_differences(job, chuck=LATHE.chuck.name, tool=LATHE.tool.name) == ()
+
+
+@pytest.mark.parametrize("source", ["measured", "fitted"])
+@pytest.mark.parametrize("key", CONDITIONS)
+def test_nothing_holds_that_was_compared_with_nothing(source: str, key: str) -> None:
+    """One condition is not stated: no rule says that the cut is as calibrated, one says what is missing."""
+    missing: dict[str, Any] = {key: None}
+    job = replace(MEASURED, lobe_error_source=source, **missing)
+    found = [each for each in check(job, LATHE) if each.problem.code.startswith("rule.lobe_")]
+    assert [(each.severity, each.problem.code, each.problem.limit) for each in found] == [
+        (Severity.WARNING, "rule.lobe_unstated", key)
+    ]
+    nothing: dict[str, Any] = dict.fromkeys(CONDITIONS)
+    by_model = {f.problem.code for f in check(replace(job, lobe_error_source="model", **nothing), LATHE)}
+    assert not {"rule.lobe_differs", "rule.lobe_unstated", "rule.force_differs"} & by_model
+
+
+def test_a_condition_that_no_file_states_is_what_the_file_has_as_long_as_another_value_is_tried() -> None:
+    saved = replace(JOB, lobe_spindle_speed_rpm=None)
+    tried = kept_condition(saved, "spindle_speed_rpm", 800.0)
+    assert tried == {"lobe_spindle_speed_rpm": 1000.0}
+    assert kept_condition(saved, "spindle_speed_rpm", 1000.0) == {"lobe_spindle_speed_rpm": None}
+    assert kept_condition(JOB, "spindle_speed_rpm", 800.0) == {}
+    assert kept_condition(saved, "feed_mm_per_rev", 0.1) == {}

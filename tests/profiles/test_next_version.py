@@ -236,3 +236,45 @@ def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> Non
     table["path"]["command"]["amplitude_um"] = math.nan
     with pytest.raises(ProfileError, match=r"learned\.file"):
         from_table(table)
+
+
+def overtaken(path: CutPath, true: Mapping[int, complex], wants: Mapping[int, complex]) -> dict[int, complex]:
+    """What an axis leaves that answers with another share of its nominal response at each wave."""
+    made = {w.lobes: true[w.lobes] * nominal(w.lobes) * w.coefficient for w in path.command.waves}
+    return {n: wants.get(n, 0j) - made.get(n, 0j) for n in true}
+
+
+def test_an_overtone_that_the_axis_makes_too_much_of_is_no_lesson_but_with_a_smaller_gain() -> None:
+    """Well at the lobe and 2.5 times too much of 9/rev, |1 - 0.7 (2.5 + 0.3j)| = 0.78: then 3.2 + 0.3j, 1.26."""
+    for arrives, gain, factor, told in (
+        (2.5 + 0.3j, 0.7, 0.7784, []),
+        (3.2 + 0.3j, 0.7, 1.2576, ["learned.wave_diverges"]),
+        (3.2 + 0.3j, 0.3, 0.0985, []),
+    ):
+        true, wants = {3: 0.9 + 0j, 6: 1 + 0j, 9: arrives}, {3: LOBE, 9: 4.0 + 1j}
+        model = CutWith(path=MODEL, share=1.0, version=None)
+        first = taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).next
+        assert set(taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).contractions) == {3}
+        cut = CutWith(path=first.path, share=1.0, version=first, parent=MODEL)
+        lesson = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01), gain=gain)
+        assert lesson.contractions[9].arrives == pytest.approx(arrives, abs=0.02)
+        assert lesson.contractions[9].value == pytest.approx(factor, abs=0.02)
+        assert [problem.code for problem in lesson.reasons] == told
+        for problem in lesson.reasons:
+            assert (problem.key, problem.value.startswith("9/rev: 1.2")) == ("--revert 0", True)
+
+
+def test_an_overtone_is_judged_by_what_half_a_part_has_taught_too() -> None:
+    """Half of the path was told, and 9/rev is learned whole. What lathes do not repeat is no divergence."""
+    true, wants = {3: 1 + 0j, 6: 1 + 0j, 9: -0.5 + 0j}, {3: LOBE, 9: 4.0 + 0j}
+    halved = left(MODEL, 0.5, 1.0) | {9: 4.0 + 0j}
+    first = taught(CutWith(path=MODEL, share=0.5, version=None), part(halved, noise_um=0.01)).next
+    cut = CutWith(path=first.path, share=1.0, version=first, parent=MODEL)
+    worse = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01))
+    assert worse.contractions[9].arrives == pytest.approx(-0.5, abs=0.02)
+    assert [problem.code for problem in worse.reasons] == ["learned.wave_diverges"]
+    small = taught(CutWith(path=MODEL, share=1.0, version=None), part({9: 0.05 + 0j}, noise_um=0.01)).next
+    cut = CutWith(path=small.path, share=1.0, version=small, parent=MODEL)
+    again = taught(cut, part({3: 0.05 + 0j, 9: 0.1 + 0j}, noise_um=0.01), scatter_um=0.5)
+    assert again.contractions[9].verdict is Verdict.UNCLEAR
+    assert again.reasons == ()

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 from profiles.compensation import chord_scale
+from profiles.paper import chuck
 from profiles.paper.eq9_in_time import step_error
 from profiles.paper.experiments import lee_2001
 from profiles.paper.parts import models
@@ -18,6 +19,7 @@ from profiles.paper.table_5 import (
     Reading,
     feedforward_response,
     fitted_feedforward,
+    fitted_gain,
     measured_response,
     misfit_of_eq9,
     pure_delay_s,
@@ -101,6 +103,7 @@ def test_the_fit_of_feedforward_and_delay() -> None:
     fit = fitted_feedforward(PAPER.machine)
     assert (fit.acceleration_share, 1000 * fit.delay_s) == pytest.approx((0.879, 0.600), abs=0.005)
     assert fit.chi2 == pytest.approx(18.5, abs=0.1)
+    assert fitted_gain(PAPER.machine) == pytest.approx(4.12, abs=0.005)
     assert fitted_feedforward(PAPER.machine, Reading.LOSS_OF_AMPLITUDE).chi2 == pytest.approx(72.4, abs=0.5)
     met = feedforward_response(PAPER.machine, [10.0, 30.0, 50.0, 70.0], fit.acceleration_share, fit.delay_s)
     assert np.abs(met) == pytest.approx([0.932, 0.878, 0.874, 0.875], abs=1e-3)
@@ -118,3 +121,9 @@ def test_a_step_of_eq_9() -> None:
     assert met == pytest.approx([1.000628, 1.000387, 1.000054], abs=2e-6)
     area, _ = quad(lambda t: step_error(PAPER.machine, t), 0.0, 60.0, points=[0.02, 0.1], limit=200)
     assert area == pytest.approx(0.0, abs=1e-6)
+
+
+def test_more_jaws_make_more_of_the_depth_of_eq_3() -> None:
+    """Its lobe is in proportion to 1 - (r/R)^N: 0.19, 0.271 and 0.3439 at 0.9 of the radius."""
+    depths = [record.ours for record in chuck.section(PAPER.machine).records if record.name == "fig6.depth"]
+    assert np.array(depths) / depths[0] == pytest.approx(np.array([0.19, 0.271, 0.3439]) / 0.19, rel=1e-4)

@@ -5,16 +5,25 @@ from dataclasses import replace
 
 import pytest
 
-from profiles.compensation import CutPath, LobedPath, Wave, invert
+from profiles.compensation import CutPath, LobedPath, Wave, invert, wanted_path
+from profiles.friction import held_back_um
+from profiles.job import Job
 from profiles.path_bounds import path_problems
+from profiles.store import load_job, load_machine
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)
 LAG = cmath.rect(0.885, -0.9)
 PATH = CutPath(wanted=WANTED, command=invert(WANTED, LAG))
 
 
-def codes(path: CutPath) -> list[str]:
-    return [problem.code for problem in path_problems(path, WANTED, lambda _: LAG)]
+MACHINE = load_machine("lee-2001-lathe").machine
+RING = load_job("lee-2001-experiment-1").job
+
+
+def codes(path: CutPath, job: Job = RING) -> list[str]:
+    wanted = WANTED if job is RING else wanted_path(job)
+    found = path_problems(path, wanted, lambda _: LAG, lambda n: held_back_um(MACHINE, job, n))
+    return [problem.code for problem in found]
 
 
 def test_what_learning_does_is_let_through() -> None:
@@ -46,3 +55,23 @@ def test_what_is_another_cut_is_refused(wanted: dict[str, object]) -> None:
         CutPath(wanted=WANTED, command=invert(other, LAG)),
     ):
         assert codes(path) != []
+
+
+def test_friction_may_hold_a_tool_by_what_its_loop_gives_way() -> None:
+    """7.545 um/N at 10 Hz by the paper's gains, 1.755 um/N at 50 Hz in the simulated loop; 5 N."""
+    slow = replace(RING, spindle_speed_rpm=200.0)
+    assert held_back_um(MACHINE, slow, 3) == pytest.approx(1.2732 * 5.0 * 7.545, rel=0.01)
+    assert held_back_um(MACHINE, RING, 3) == pytest.approx(1.2732 * 5.0 * 1.755, rel=0.01)
+    assert held_back_um(MACHINE, slow, 15) == pytest.approx(1.2732 / 5.0 * 5.0 * 1.755, rel=0.01)
+    assert [held_back_um(MACHINE, RING, n) for n in (2, 5, 6)] == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(("held_um", "told"), [(17.3, []), (60.0, ["path.beyond"])])
+def test_a_small_slow_lobe_may_be_told_much_more_than_it_is_to_do(held_um: float, told: list[str]) -> None:
+    """3 N hold a tool by (4/pi) 3 N 4.51 um/N = 17.2 um at 20 Hz, in which two jaws want 5.2 um."""
+    job = load_job("two-jaw-tube").job
+    wanted = wanted_path(job)
+    held = wanted.plus({2: held_um * 1j * wanted.waves[0].coefficient / wanted.amplitude_um})
+    assert codes(CutPath(wanted=wanted, command=invert(held, LAG)), job) == told
+    misread = CutPath(wanted=held, command=invert(held, LAG))
+    assert codes(misread, job) == ["path.beyond"], "what is wanted of the tool has no friction"

@@ -12,6 +12,7 @@ from scipy.optimize import linprog, minimize
 
 from profiles.metrology.circles import CIRCLES, Contact, limacon_circle
 from profiles.metrology.geometric import geometric_circle
+from profiles.metrology.sliding import HANDFUL
 from profiles.problem import ProfileError
 from profiles.roundness import evaluate
 
@@ -39,6 +40,27 @@ def programmed_um(kind: str, angle_deg: Floats, deviation_um: Floats) -> float:
     found = linprog(cost, A_ub=rows, b_ub=limits, bounds=bounds, method="highs", options=tight)
     assert found.success
     return float(found.fun if kind != "MIC" else -found.fun)
+
+
+def least_ront_um(kind: str, angle_deg: Floats, deviation_um: Floats) -> float:
+    """The least RONt of all circles with the best radius, by a second plain programme over the best places."""
+    theta, sign = np.radians(angle_deg), 1.0 if kind == "MCC" else -1.0
+    radius_um = programmed_um(kind, angle_deg, deviation_um)
+    turned = np.column_stack((np.cos(theta), np.sin(theta)))
+    held = np.column_stack((-sign * turned, np.zeros(theta.size)))
+    within = np.column_stack((sign * turned, -np.ones(theta.size)))
+    left = sign * (radius_um - deviation_um)
+    tight = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    found = linprog(
+        [0, 0, 1],
+        A_ub=np.vstack((held, within)),
+        b_ub=np.concatenate((left + 1e-9, -left)),
+        bounds=(None, None),
+        method="highs",
+        options=tight,
+    )
+    assert found.success
+    return float(found.x[2])
 
 
 def alternating(contacts: tuple[Contact, ...]) -> bool:
@@ -127,19 +149,62 @@ def test_no_circle_minds_centre_or_start_and_all_scale(
     deviation = np.array(values)
     angle = np.arange(deviation.size) * 360 / deviation.size
     moved = factor * deviation + 5 + x * np.cos(np.radians(angle)) - x * np.sin(np.radians(angle))
-    plain = [limacon_circle(kind, angle, deviation).ront_um for kind in CIRCLES]
-    # The zone and the radii are unique; where a circle may slide, its RONt is not, but for the zone.
-    assert plain[1] <= min(plain) + 1e-9
-    assert limacon_circle("MZC", angle + start, moved).ront_um == pytest.approx(
-        factor * plain[1], abs=1e-9, rel=1e-11
-    )
-    turned = limacon_circle("LSC", angle + start, moved).ront_um
-    assert turned == pytest.approx(factor * plain[0], abs=1e-9, rel=1e-11)
-    for kind in ("MCC", "MIC"):
-        radius_um = limacon_circle(kind, angle, deviation).deviation_um
-        assert limacon_circle(kind, angle + start, moved).deviation_um == pytest.approx(
-            5 + factor * radius_um, abs=1e-8, rel=1e-11
-        )
+    for kind in CIRCLES:
+        plain, turned = limacon_circle(kind, angle, deviation), limacon_circle(kind, angle + start, moved)
+        assert turned.ront_um == pytest.approx(factor * plain.ront_um, abs=1e-8, rel=1e-11)
+        if kind in ("MCC", "MIC"):
+            assert turned.deviation_um == pytest.approx(5 + factor * plain.deviation_um, abs=1e-8, rel=1e-11)
+
+
+STARTS_DEG = [0.0, 0.013, 90.0, 211.7777]
+
+
+@pytest.mark.parametrize("start_deg", STARTS_DEG)
+@pytest.mark.parametrize("radius_mm", [None, 26.0])
+def test_an_oval_is_55_um_about_its_middle_wherever_it_starts(radius_mm: float | None, start_deg: float) -> None:
+    """Two opposite crests hold a circle across their line only: along it the middle is chosen, by any circle."""
+    for offset in (0.0, 12.0):
+        oval = 27.5 * np.cos(2 * THETA) + (offset * np.cos(THETA) if radius_mm is None else 0.0)
+        result = evaluate(ANGLE + start_deg, oval, None, radius_mm=radius_mm)
+        assert [circle.ront_um for circle in result.circles] == pytest.approx([55] * 4, abs=1e-9)
+        centre = (offset * np.cos(np.radians(start_deg)), offset * np.sin(np.radians(start_deg)))
+        for circle in result.circles if radius_mm is None else ():
+            assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx(centre, abs=1e-9)
+
+
+def test_a_circle_that_may_slide_without_any_change_stays_at_the_centre_of_least_squares() -> None:
+    """Two crests opposite each other on a part that is round otherwise: RONt is the same over a whole stretch."""
+    deviation = np.zeros(40)
+    deviation[[0, 20]] = 10.0
+    circle = limacon_circle("MCC", np.arange(40) * 9.0, deviation)
+    assert (circle.deviation_um, circle.ront_um) == pytest.approx((10, 10), abs=1e-12)
+    assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx((0, 0), abs=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.one_of(
+        st.lists(st.floats(-100, 100), min_size=HANDFUL, max_size=48),
+        st.lists(st.sampled_from([-2.0, -1.0, 0.0, 1.0, 2.0]), min_size=HANDFUL, max_size=40),
+    ).filter(lambda values: len(values) % 2 == 0),
+    st.sampled_from(["MCC", "MIC"]),
+)
+def test_of_all_circles_as_good_a_profile_has_one_with_the_least_ront(values: list[float], kind: str) -> None:
+    angle, deviation = np.arange(len(values)) * 360 / len(values), np.array(values)
+    circle = limacon_circle(kind, angle, deviation)
+    assert circle.ront_um == pytest.approx(least_ront_um(kind, angle, deviation), abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [72, 720])
+def test_the_inscribed_circle_in_the_plane_turns_with_the_part(size: int) -> None:
+    angle, noise = np.arange(size) * 360 / size, np.random.default_rng(size).normal(0, 3, size)
+    radius = 26_000 + 10 * np.cos(3 * np.radians(angle)) + noise
+    met = []
+    for start_deg in STARTS_DEG:
+        theta = np.radians(angle + start_deg)
+        circle = geometric_circle("MIC", 300 + radius * np.cos(theta), radius * np.sin(theta) - 100)
+        met.append((circle.deviation_um, circle.ront_um))
+    np.testing.assert_allclose(met, [met[0]] * len(met), rtol=0, atol=1e-8)
 
 
 def test_points_in_the_plane_by_another_method() -> None:

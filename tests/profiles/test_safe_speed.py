@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
 from profiles.envelope import envelope
 from profiles.job import Job
 from profiles.response import Source, identified_response, model_response
-from profiles.rules import centrifugal_loss_n, grip_margin_n, needed_grip_n
 from profiles.safe_speed import speed_limits_rpm
 from profiles.servo import sampled_response
 from profiles.store import load_job, load_machine

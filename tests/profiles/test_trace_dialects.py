@@ -1,5 +1,7 @@
 """Traces as other programs write them: what means the same is taken, what does not is named once."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,71 @@ def test_problems_say_what_was_met(tmp_path_factory: pytest.TempPathFactory) -> 
     with pytest.raises(ProfileError) as caught:
         write_trace(tmp_path_factory.mktemp("t") / "t.csv", odd)
     assert caught.value.problems[0].value == "# a:b: c"
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Angle [deg];Deviation [µm]",
+        "Angle (°);Deviation (\u03bcm)",
+        '"Theta / deg";"Radial deviation / micrometers"',
+        "angle_deg\tdeviation_um",
+        "Angle [deg] Deviation [um]",
+        "spindle angle, degrees;Δr [um]",
+        "각도 [deg];편차 [um]",
+    ],
+)
+def test_columns_are_named_as_people_name_them(header: str) -> None:
+    mark = next((mark for mark in ";\t" if mark in header), " ")
+    rows = [point.replace(",", mark) for point in POINTS]
+    np.testing.assert_array_equal(parsed(header, *rows).deviation_um, parsed(HEADER, *POINTS).deviation_um)
+    in_mm = header.replace("µm", "mm").replace("\u03bcm", "mm").replace("um", "mm").replace("micrometers", "mm")
+    assert parsed(in_mm, *rows).deviation_um[1] == 500.0
+
+
+@pytest.mark.parametrize(
+    "header", ["Angle;Deviation [µm]", "Angle [rad];Deviation [µm]", "Angle [deg];Roughness [µm]"]
+)
+def test_columns_that_are_not_known_are_told_with_those_that_are(header: str) -> None:
+    (problem,) = problems(header, *(point.replace(",", ";") for point in POINTS))
+    assert (problem.code, problem.value, problem.limit) == ("trace.columns", header, HEADER)
+
+
+def test_a_unit_in_the_header_may_have_its_sign() -> None:
+    assert parsed("# units: µm", "angle_deg,deviation", *POINTS).deviation_um[1] == 0.5
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_encodings_and_line_ends(encoding: str, end: str) -> None:
+    text = end.join(["# part: 7", "Angle [°],Deviation [µm]", *POINTS, ""])
+    mark = "\ufeff" if encoding in ("utf-16-le", "utf-16-be") else ""
+    trace = parse_trace((mark + text).encode(encoding))
+    np.testing.assert_array_equal(trace.deviation_um, parsed(HEADER, *POINTS).deviation_um)
+    assert dict(trace.meta) == {"part": "7"}
+
+
+def test_what_is_wrong_in_any_line_end_has_its_line() -> None:
+    with pytest.raises(ProfileError) as caught:
+        parse_trace("\r".join([HEADER, *POINTS[:3], "x,1", *POINTS[3:]]).encode("utf-16"), where="t.csv")
+    assert [(p.code, p.where) for p in caught.value.problems] == [("trace.not_number", "t.csv:5")]
+    with pytest.raises(ProfileError) as caught:
+        parse_trace(b"\xff\xfea", where="t.csv")
+    assert caught.value.problems[0].code == "trace.not_utf8"
+
+
+CIRCLE = [f"{math.cos(math.pi * i / 8)!r},{math.sin(math.pi * i / 8)!r}" for i in range(16)]
+
+
+def test_a_point_in_the_plane_stands_there_once() -> None:
+    (problem,) = problems("x_mm,y_mm", *CIRCLE, CIRCLE[3])
+    assert (problem.code, problem.where, problem.limit) == ("trace.duplicate_point", "t.csv:18", "t.csv:5")
+    assert problem.value.startswith(CIRCLE[3][:20]) and problem.key == "x_mm,y_mm"
+    repeated = problems("x_mm,y_mm", *CIRCLE, CIRCLE[1], CIRCLE[1], CIRCLE[1], CIRCLE[1])
+    assert [p.where for p in repeated] == [f"t.csv:{line}" for line in range(18, 22)]
+
+
+def test_a_contour_in_the_plane_may_be_closed() -> None:
+    assert parsed("x_mm,y_mm", *CIRCLE, CIRCLE[0]).angle_deg.size == 16
+    (problem,) = problems("x_mm,y_mm", *CIRCLE[:15], CIRCLE[0], CIRCLE[15])
+    assert (problem.code, problem.where, problem.limit) == ("trace.duplicate_point", "t.csv:17", "t.csv:2")

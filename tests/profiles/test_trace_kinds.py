@@ -139,10 +139,10 @@ def test_a_surface_data_file() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "code", "where"),
     [
-        ("aBCR", "bBCR", "trace.sdf", "t.csv"),
-        ("NumProfiles = 1", "NumProfiles = 2", "trace.sdf", "t.csv"),
-        ("NumPoints = 16", "NumPoints = 17", "trace.sdf", "t.csv"),
-        ("Zscale = 1.0E-6\n", "", "trace.sdf", "t.csv"),
+        ("aBCR", "bBCR", "trace.format", "t.csv"),
+        ("NumProfiles = 1", "NumProfiles = 2", "trace.format", "t.csv"),
+        ("NumPoints = 16", "NumPoints = 17", "trace.format", "t.csv"),
+        ("Zscale = 1.0E-6\n", "", "trace.format", "t.csv"),
         ("\n1.0\n", "\nBAD\n", "trace.not_finite", "t.csv:13"),
         ("\n1.0\n", "\n1,0\n", "trace.not_number", "t.csv:13"),
     ],

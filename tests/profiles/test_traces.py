@@ -67,7 +67,8 @@ def test_a_bad_row_is_refused_with_its_line(row: str, code: str) -> None:
 @pytest.mark.parametrize(
     ("lines", "expected"),
     [
-        ([], [("trace.no_header", "t.csv")]),
+        ([], [("trace.empty", "t.csv")]),
+        (["\ufeff", " ", ""], [("trace.empty", "t.csv")]),
         (["# part: 7"], [("trace.no_header", "t.csv")]),
         (POINTS, [("trace.no_header", "t.csv:1")]),
         (["angle_deg,deviation_um,note", *POINTS], [("trace.columns", "t.csv:1")]),

@@ -21,6 +21,7 @@ from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.store import load_machine
+from tests.compact import CLOSE_TOGETHER
 from tests.system.paced_server import PacedLink, served
 
 LINKS = ("memory", "serial", "tcp", "ethernet")
@@ -29,8 +30,6 @@ MACHINES = {"pmac": "lee-2001-lathe", "turbo": "turbo-ethernet-lathe"}
 
 OPTIONS = {"serial": "?baud=4000000", "tcp": "", "ethernet": ""}
 """Nobody waits for a line that is no line."""
-
-_CLOSE_TOGETHER = {"home_radius_mm = 76.0": "home_radius_mm = 29.0", "jaw_face_mm = 200.0": "jaw_face_mm = 40.0"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +47,7 @@ class Site:
 def compact_text(family: str) -> str:
     """The profile of a bundled lathe with short ways: 2 mm of tool, 9 mm of carriage."""
     text = load_machine(MACHINES[family]).path.read_text(encoding="utf-8")
-    for there, here in _CLOSE_TOGETHER.items():
+    for there, here in CLOSE_TOGETHER.items():
         assert text.count(there) == 1, there
         text = text.replace(there, here)
     return text

@@ -12,7 +12,7 @@ from console.session.state import StationState
 
 pytestmark = pytest.mark.system
 
-FRAMES = 30
+FRAMES = 15
 
 
 @pytest.fixture(scope="module")

@@ -170,7 +170,8 @@ def test_a_console_that_was_stopped_for_a_while_renews_nothing_and_tells(site: S
     after = b"".join(data for _, data in site.card.words.said[said:])
     assert code == 1
     assert "was without this console for too long" in err
-    assert b"M70=" not in after and b"R\r" not in after
+    # A line may have been under way when it was stopped: a lease that comes late starts nothing.
+    assert after.count(b"M70=") <= after.startswith(b"M70=") and b"R\r" not in after
     is_left_off(site)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import profiles.store
+from tests.compact import save_compact
 
 pytestmark = pytest.mark.system
 
@@ -29,7 +30,8 @@ def long_job(tmp_path: Path) -> Path:
 
 
 def command(job: Path, data: Path) -> list[str]:
-    return [sys.executable, "-m", "console", "run", str(job), "--sim", "--strategy", "none", "--data", str(data)]
+    words = ("run", str(job), "--sim", "--strategy", "none", "--data", str(data), *save_compact(data))
+    return [sys.executable, "-m", "console", *words]
 
 
 def last_event(data: Path) -> tuple[str, str]:
@@ -54,7 +56,8 @@ def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
         out, err = process.communicate(timeout=30)
     assert process.returncode == 1
     assert "measure" not in out
-    first, *others = err.splitlines()
+    # So thin a chip may chatter: that was said before.
+    first, *others = (line for line in err.splitlines() if ": warning: " not in line)
     assert number.name in first
     assert "at rest" in first
     # A second line where the tool had come to the part by then.

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from console.session.alignment import Alignment
+from console.session.made_parts import MadeWith
 from console.session.progress import CutProgress, CutStage
 from console.session.ripple import SpindleRipple
 from console.session.state import Activity, StationState, StopState
@@ -32,6 +33,9 @@ SURFACE_COUNTS = 250_000.0
 """50 mm in from a zero at 76 mm: the radius of the part, 26 mm."""
 
 GUARDS = dict.fromkeys(SAFETY_DEVICES, True)
+
+MADE = MadeWith(compensation="none", strategy="pvt", stage="full", inverted="model")
+"""By the model."""
 
 FIGURES = CutFigures(
     spindle_speed_rpm=1000.04,

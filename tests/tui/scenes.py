@@ -15,7 +15,10 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session import records
-from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff, aligned_job, aligned_machine
+from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff, aligned_job
+from console.session.lessons import taught_by
+from console.session.made_parts import MadeWith
+from console.session.part_lesson import PartLesson
 from console.session.paths import jobs_folder
 from console.session.preview import Preview, preview
 from console.session.progress import CutProgress, CutStage
@@ -87,7 +90,7 @@ def scene_of(page: PageName) -> Scene:
             state = replace(machine(Activity.CUTTING), alignment=ALIGNED, cut=cut())
             return Scene(page=page, state=state, work=signed())
         case PageName.INSPECT:
-            after, before = part(Strategy.PVT, AFTER), part(Strategy.NONE, BEFORE)
+            after, before = taught(part(Strategy.CAM, AFTER)), part(Strategy.NONE, BEFORE)
             state = replace(machine(Activity.READY), alignment=ALIGNED, measured=after, uncompensated=before)
             return Scene(page=page, state=state, work=signed())
 
@@ -174,6 +177,23 @@ def part(strategy: Strategy, waves: tuple[tuple[int, float, float], ...]) -> Mea
     )
 
 
+def taught(part: MeasuredPart) -> MeasuredPart:
+    """The part with what it teaches, when it was cut by the model."""
+    meta = {"simulated": "yes", "direction": "spindle", "start_mark": "spindle index"}
+    made = MadeWith(
+        compensation="none",
+        strategy=part.strategy.value,
+        stage="full",
+        inverted="model",
+        cut_jaw_1_deg=str(part.jaw_1_deg),
+    )
+    trace, work = replace(part.trace, meta=meta), signed()
+    found = taught_by(
+        trace, work.loaded, work.machine, Path("/nowhere"), made, gain=None, robust=False, date=CLOCK.isoformat()
+    )
+    return replace(part, lesson=PartLesson(made=made, taught=found))
+
+
 @cache
 def previewed(job: Job) -> Preview:
     return preview(job, load_machine(MACHINE).machine)
@@ -237,8 +257,9 @@ def answer(app: ConsoleApp, scene: Scene) -> None:
         alignment = scene.state.alignment
         job = aligned_job(scene.work.job, alignment)
         made = previewed(job) if scene.page is PageName.PREVIEW else None
-        question = (job, aligned_machine(scene.work.machine.machine, alignment))
-        app._previewer._answer = (question, made, ())
+        work = replace(scene.work, outlook=made, preview=made)
+        app.desk.work = work
+        app._previewer._settled = (work, alignment, None, None)
 
 
 @asynccontextmanager

@@ -27,7 +27,14 @@ LEFT = run_stage.state(snapshot=run_stage.look(tool=run_stage.SURFACE_COUNTS), c
 def armed() -> Armed:
     work = experiment()
     plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
-    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=run_stage.VALID, until_s=108.4)
+    return Armed(
+        job=work.job,
+        strategy=Strategy.PVT,
+        plan=plan,
+        alignment=run_stage.VALID,
+        until_s=108.4,
+        made=run_stage.MADE,
+    )
 
 
 class Console:
@@ -65,7 +72,8 @@ def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float
 
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
     once = {action.id for action in ACTIONS if action.once}
-    assert once == {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
+    orders = {"align.step", "align.take", "run.arm", "run.start", "run.hold", "run.retract", "take_over"}
+    assert once == orders | {"inspect.accept", "inspect.revert"}
 
 
 def test_presses_within_eight_tenths_of_a_second_are_one() -> None:

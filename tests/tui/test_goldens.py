@@ -36,7 +36,6 @@ all_pictures = pytest.mark.parametrize(
 )
 
 
-@cache
 def picture(page: PageName, size: Size, language: str) -> tuple[str, ...]:
     """The rows of the terminal, with their blanks."""
     scene = scene_of(page)
@@ -87,19 +86,22 @@ def english_in(text: str) -> list[str]:
 
 
 @all_pictures
-def test_every_screen_looks_as_it_did(page: PageName, size: Size, language: str) -> None:
-    compare(picture(page, size, language), golden_of(page, size, language), write=writing())
-
-
-@all_pictures
-def test_every_row_is_exactly_as_wide_as_the_terminal(page: PageName, size: Size, language: str) -> None:
+def test_every_screen_is_whole_and_looks_as_it_did(page: PageName, size: Size, language: str) -> None:
+    """One test: a screen takes some time to paint, and tests of their own would each paint it in their worker."""
     rows = picture(page, size, language)
     assert [cell_len(row) for row in rows] == [size[0]] * size[1]
+    the_six_rows_of_the_frame_are_in_their_places(rows, language)
+    text = "\n".join(rows)
+    assert bare_keys(text) == []
+    if language == "ko":
+        assert english_in(text) == []
+    elif size == SIZES[-1]:
+        assert english_in(text) != [], "an English sentence on a Korean screen would not be found"
+    compare(rows, golden_of(page, size, language), write=writing())
 
 
-@all_pictures
-def test_the_six_rows_of_the_frame_are_in_their_places(page: PageName, size: Size, language: str) -> None:
-    text, rows = load(language), picture(page, size, language)
+def the_six_rows_of_the_frame_are_in_their_places(rows: tuple[str, ...], language: str) -> None:
+    text = load(language)
     state, alarm, pages, *_, following, stop, keys = rows
     assert state.startswith(" SIM ")
     assert state.endswith(" 08:52 ")
@@ -109,22 +111,6 @@ def test_the_six_rows_of_the_frame_are_in_their_places(page: PageName, size: Siz
     assert stop.startswith(f" {text('frame.stop')} ")
     assert "SPACE" in stop
     assert keys.rstrip().endswith(f"? {text('key.help')}")
-
-
-@all_pictures
-def test_no_key_of_the_catalogues_shows_itself(page: PageName, size: Size, language: str) -> None:
-    assert bare_keys("\n".join(picture(page, size, language))) == []
-
-
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("page", PageName)
-def test_a_korean_screen_has_no_english_sentence(page: PageName, size: Size) -> None:
-    assert english_in("\n".join(picture(page, size, "ko"))) == []
-
-
-@pytest.mark.parametrize("page", PageName)
-def test_english_sentences_would_be_found(page: PageName) -> None:
-    assert english_in("\n".join(picture(page, SIZES[-1], "en"))) != []
 
 
 def test_a_bare_key_would_be_found() -> None:

@@ -15,7 +15,8 @@ from rich.cells import cell_len
 from textual.pilot import Pilot
 
 from console.session.alignment import Alignment, JawAngle
-from console.session.preview import Prediction, Preview, Share, followed, predict, preview
+from console.session.predicted import Prediction, followed, predict
+from console.session.preview import Preview, preview
 from console.session.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
@@ -215,8 +216,8 @@ def test_margins_are_percent_and_both_values() -> None:
 
 def test_a_bar_is_full_only_at_all_of_the_limit() -> None:
     def bar(need: float) -> str:
-        share = Share(need=need, limit=100.0)
-        return plain(margin_lines([Margin(name="loop", share=share, decimals=1, unit="Hz")], load("en"), 45, 1))
+        margin = Margin(name="loop", need=need, limit=100.0, decimals=1, unit="Hz")
+        return plain(margin_lines([margin], load("en"), 45, 1))
 
     assert "□" in bar(99.0)
     assert "□" not in bar(100.0)
@@ -240,7 +241,7 @@ def test_servo_and_inverse_are_told_at_the_frequency_that_is_reached() -> None:
     assert "servo at 50.0 Hz" in text
     assert "x0.886  -51.7°" in text
     assert "x1.129, lead 17.2° spindle" in text
-    paper = plain(strategy_lines(seen(), Strategy.PAPER, load("en"), 60, 20))
+    paper = plain(strategy_lines(seen(), Strategy.PAPER, load("en"), 60, 24))
     assert "servo at 25.0 Hz" in paper
     assert "not inverted" in paper
     assert "127.5 um" in paper

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from console.session.preview import Preview, preview
+from console.session.preview import Preview, Program, preview, underway
 from console.session.state import StationState
 from console.text.catalogue import load
 from console.tui.desk import View
@@ -122,6 +122,36 @@ def test_up_and_down_go_through_all_of_it_and_no_further() -> None:
     assert "rows 25-40 of 40" in last
     assert shown("preview.program", *["preview.down"] * 9, "preview.up") != last
     assert shown("preview.program", *["preview.down"] * 3, *["preview.up"] * 9) == shown("preview.program")
+
+
+def test_a_program_that_is_still_made_is_not_shown_as_one_without_findings() -> None:
+    early = underway(seen(), None, {})
+    said = plain(program_rows(early, Strategy.PVT, load("en"), 80))
+    assert load("en")("preview_page.checking") in said
+    assert "no findings" not in said
+
+
+def test_it_stays_where_it_was_scrolled_to_when_another_program_is_there() -> None:
+    paper = Program(plan=seen().strategies[Strategy.PAPER], prediction=seen().predictions[Strategy.PAPER])
+    early = underway(seen(), seen().eq9_loop, {Strategy.PAPER: paper})
+    work = replace(experiment(), outlook=early, strategy="paper")
+    page = PreviewPage(desk_for(FixedControl(StationState()), Path("/nowhere"), "en", work))
+    app = PageStage(page, View(state=StationState(), work=work, now_s=0.0))
+
+    async def play() -> tuple[str, str]:
+        async with app.run_test(size=ROOM) as pilot:
+            await pilot.pause()
+            for action in ("preview.program", "preview.down"):
+                page.act(action)
+                await pilot.pause()
+            before = grid(app)
+            page.show(replace(app.view, work=replace(work, outlook=seen(), preview=seen())))
+            await pilot.pause()
+            return before, grid(app)
+
+    before, after = asyncio.run(play())
+    assert "rows 9-24 of" in before
+    assert after == before
 
 
 def test_another_strategy_begins_at_its_top() -> None:

@@ -23,6 +23,7 @@ from tests.tui.machine_states import ON
 from tests.tui.run_stage import (
     FIGURES,
     GUARDS,
+    MADE,
     OFF,
     STATES,
     VALID,
@@ -40,7 +41,7 @@ from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, experiment
 def armed() -> Armed:
     work = experiment()
     plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
-    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=VALID, until_s=108.4)
+    return Armed(job=work.job, strategy=Strategy.PVT, plan=plan, alignment=VALID, until_s=108.4, made=MADE)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -75,7 +76,8 @@ def test_the_summary_names_what_will_be_cut() -> None:
 def test_f5_arms_what_is_in_hand() -> None:
     work = with_strategy(experiment(), "paper")
     page = shown(state(), "run.arm", work=work)
-    assert page.orders == [Arm(job=work.job, job_sha256=work.loaded.sha256, strategy=Strategy.PAPER)]
+    sha256 = work.loaded.sha256
+    assert page.orders == [Arm(job=work.job, job_sha256=sha256, strategy=Strategy.PAPER, loaded=work.loaded)]
 
 
 def test_an_edited_job_is_not_recorded_as_its_file() -> None:
@@ -85,6 +87,7 @@ def test_an_edited_job_is_not_recorded_as_its_file() -> None:
     assert isinstance(order, Arm)
     assert order.job.depth_of_cut_mm == 0.05
     assert order.job_sha256 != work.loaded.sha256
+    assert order.loaded is None
     assert "edited since" in page.text
 
 

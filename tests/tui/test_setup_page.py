@@ -18,7 +18,7 @@ from console.tui.gate import FieldKind
 from console.tui.lines import plain, width_of
 from console.tui.pages.fields import FORM
 from console.tui.pages.setup import SetupPage
-from console.tui.pages.setup_lines import finding_lines
+from console.tui.pages.setup_lines import finding_lines, speed_lines
 from profiles.rules import Severity, check
 from profiles.store import load_job
 from tests.tui.page_stage import READY, PageScene, play_on
@@ -56,7 +56,12 @@ def test_the_values_stand_in_the_room_with_their_units(
         assert "D 52.000  mm" in stage.text
         assert "1314.0  N" in stage.text
         assert "645.7 N" in stage.text
-        assert stage.desk.text("setup.hold", count=19, total=19)[:10] in stage.text
+        # VDI 3106 and the 1970 N at which 5 % of scatter are 5 um of 55; 1314 N / 377 N/(N m), and 5 % of them.
+        assert "621 … 1970 N" in stage.text
+        assert "3.49 N m ±66 N" in stage.text
+        # The smallest room has a row: how much there is to be minded.
+        hold = stage.desk.text("setup.hold", count=21, total=22)[:10]
+        assert (hold if size != ROOMS[-1] else "…") in stage.text
 
     play(scene, tmp_path, work=experiment(), language=language, size=size)
 
@@ -87,6 +92,31 @@ def test_without_a_job_the_way_to_one_is_shown(tmp_path: Path) -> None:
     play(scene, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [("400", "✗ below window"), ("1970", "force window ✓"), ("621", "force window ✓"), ("1971", "✗ above window")],
+)
+def test_where_a_force_stands_is_seen_while_it_is_typed(tmp_path: Path, typed: str, said: str) -> None:
+    async def scene(stage: Stage) -> None:
+        await stage.act(*["setup.next"] * FORCE, "setup.edit")
+        await stage.type(typed)
+        assert said in stage.text
+        assert stage.desk.work is not None and stage.desk.work.job.chucking_force_n == 1314.0
+
+    play(scene, tmp_path, work=experiment())
+
+
+def test_a_force_without_a_torque_says_so_and_a_chuck_without_a_line_says_nothing() -> None:
+    work = experiment()
+    machine, chuck = work.machine.machine, work.machine.machine.chuck
+    words = {}
+    for offset_n, slope in ((1400.0, 377.0), (None, None)):
+        known = replace(chuck, force_offset_n=offset_n, force_per_torque_n_per_n_m=slope)
+        words[slope] = plain(speed_lines(work.job, replace(machine, chuck=known), load("en"), 29, 7))
+    assert "no such torque" in words[377.0]
+    assert "wrench" not in words[None]
+
+
 def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
@@ -110,7 +140,7 @@ def test_another_force_than_that_of_the_error_is_warned_of(tmp_path: Path) -> No
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type("1400")
         assert "! force, total = 1400 N, but" in stage.text
-        assert "18 of 19 rules hold" in stage.text
+        assert "20 of 22 rules hold" in stage.text
 
     play(scene, tmp_path, work=experiment())
 
@@ -359,14 +389,14 @@ def test_every_next_step_stands_in_its_row(language: str, tmp_path: Path) -> Non
 
 
 def test_rules_that_have_no_room_are_counted() -> None:
-    """19 rules and 9 rows: one says how many hold, seven are named, one says how many more there are."""
+    """21 rules and 9 rows: one says how many hold, seven are named, one says how many more there are."""
     work = experiment()
     findings = [finding for finding in check(work.job, work.machine.machine) if finding.severity is Severity.OK]
-    assert len(findings) == 19
+    assert len(findings) == 21
     rows = plain(finding_lines(findings, load("en"), 40, 9)).split("\n")
     assert len(rows) == 9
-    assert rows[-1].strip() == "… and 12 more hold"
-    assert "more hold" not in plain(finding_lines(findings, load("en"), 40, 20))
+    assert rows[-1].strip() == "… and 14 more hold"
+    assert "more hold" not in plain(finding_lines(findings, load("en"), 40, 22))
 
 
 def test_a_material_is_asked_for_as_one(tmp_path: Path) -> None:

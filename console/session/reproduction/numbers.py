@@ -50,8 +50,14 @@ def printed_program(paper: Experiments) -> tuple[Record, ...]:
             records.append(_near(5, f"lathe.{name}", f"{number}", part.roundness.ront_um, expected, 0.3, "um"))
     for number, (job, expected) in enumerate(zip(paper.jobs, COMPENSATED_UM, strict=True), start=1):
         part = part_of(job, paper.machine, Strategy.PAPER)
-        ours = part.roundness.ront_um
-        records.append(_near(5, "lathe.literal", f"{number}", ours, expected, WITHIN_UM, "um", why="literal"))
+        speed_rpm = part.spindle_speed_rpm
+        facts = {
+            "segment_ms": part.plan.segment_ms,
+            "speed_rpm": speed_rpm,
+            "lobe_hz": job.jaws * speed_rpm / 60.0,
+        }
+        record = _near(5, "lathe.literal", f"{number}", part.roundness.ront_um, expected, WITHIN_UM, "um")
+        records.append(replace(record, why="literal", facts=facts))
     return tuple(records)
 
 
@@ -128,12 +134,8 @@ NUMBERS: Mapping[int, Callable[[Experiments], tuple[Record, ...]]] = {
 """What gives each number."""
 
 
-def _near(
-    number: int, name: str, at: str, ours: float, expected: float, tolerance: float, unit: str, why: str = ""
-) -> Record:
-    return Record(
-        number=number, name=name, at=at, ours=ours, expected=expected, tolerance=tolerance, unit=unit, why=why
-    )
+def _near(number: int, name: str, at: str, ours: float, expected: float, tolerance: float, unit: str) -> Record:
+    return Record(number=number, name=name, at=at, ours=ours, expected=expected, tolerance=tolerance, unit=unit)
 
 
 def _most(number: int, name: str, at: str, ours: float, limit: float) -> Record:

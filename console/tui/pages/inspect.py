@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.events import Resize
@@ -22,17 +24,22 @@ from console.tui.pages.inspect_lines import (
     named,
     result_lines,
 )
+from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, learn_title
+from console.tui.pages.learning_keys import accept_lesson, revert_version
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from drivers.cut import Strategy
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 
 ROWS_FOR_PLOTS = 16
 """Rows of the page below which the table takes the room of the plot."""
 
-_ROOMY_ROWS = 22
+_ROOMY_ROWS, _TALL_ROWS = 22, 36
 _JAW_1 = "1"
+
+WORSE = ("learned.diverges", "learned.wave_diverges")
+"""Reasons to go back."""
 
 
 class InspectPage(Page):
@@ -52,8 +59,14 @@ class InspectPage(Page):
         #inspect-result { width: 1fr; height: 10; }
         #inspect-harmonics { width: 1fr; height: 1fr; }
         #inspect-message { height: 1fr; padding: 1 2; }
+        #inspect-learn { height: 4; }
     }
+    InspectPage.-learning #inspect-result { height: 8; }
     InspectPage.-roomy #inspect-result { height: 14; }
+    InspectPage.-roomy #inspect-learn { height: 6; }
+    InspectPage.-roomy.-learning #inspect-result { height: 10; }
+    InspectPage.-tall #inspect-learn { height: 8; }
+    InspectPage.-tall.-learning #inspect-result { height: 14; }
     InspectPage.-bare #inspect-roundness { display: none; }
     InspectPage.-bare #inspect-numbers { layout: horizontal; }
     InspectPage.-bare #inspect-result { height: 1fr; }
@@ -68,25 +81,27 @@ class InspectPage(Page):
         self._harmonics = Sheet(palette, id="inspect-harmonics", classes="panel")
         self._roundness = Vertical(self._polar, self._caption, id="inspect-roundness", classes="panel")
         self._charts = Horizontal(id="inspect-charts")
+        self._learn = Sheet(palette, id="inspect-learn", classes="panel")
         self._message = Sheet(palette, id="inspect-message")
         self._view: View | None = None
         self._seen: Comparison | None = None
         self._parts: tuple[MeasuredPart | None, MeasuredPart | None] = (None, None)
         self._painted_for: tuple[Size, ...] = ()
         self._harmonics.border_title = desk.text("inspect_page.harmonics")
-        self._charts.display = False
+        self._charts.display = self._learn.display = False
 
     def compose(self) -> ComposeResult:
         """Return the plot with its numbers, and a message in their place."""
         with self._charts:
             yield self._roundness
             yield Vertical(self._result, self._harmonics, id="inspect-numbers")
+        yield self._learn
         yield self._message
 
     def show(self, view: View) -> None:
         """Show the last part that was measured."""
         before, self._view = self._view, view
-        news = before is None or _news(before.state) != _news(view.state)
+        news = before is None or before.work is not view.work or _news(before.state) != _news(view.state)
         if news or self._sizes != self._painted_for:
             self._paint()
 
@@ -95,29 +110,30 @@ class InspectPage(Page):
         height = event.size.height
         self.set_class(height < ROWS_FOR_PLOTS, "-bare")
         self.set_class(height >= _ROOMY_ROWS, "-roomy")
+        self.set_class(height >= _TALL_ROWS, "-tall")
         self.call_after_refresh(self._paint)
 
     def act(self, action: str) -> None:
-        """Measure the part, or go on to the next one."""
+        """Measure the part, keep what it teaches or go back, or go on to the next one."""
         if action == "inspect.measure":
             self._measure()
+        elif action == "inspect.accept":
+            self._learned(accept_lesson)
+        elif action == "inspect.revert":
+            self._learned(revert_version)
         elif action == "inspect.next":
             self.desk.go(PageName.ALIGN)
 
     def next_step(self, view: View) -> Line:
         """Return what comes next: cut, measure, or the next part."""
-        text, state = self.desk.text, view.state
-        if state.activity is Activity.MEASURING:
-            words = text("inspect_page.next_wait")
-        elif state.measured is None:
-            words = text("inspect_page.next_measure") if state.cut_done else text("inspect_page.next_cut")
-        elif state.measured.strategy is Strategy.NONE:
-            words = text("inspect_page.next_compensate")
-        elif state.measured.result.ront_um <= state.measured.job.roundness_tolerance_um:
-            words = text("inspect_page.next_part")
-        else:
-            words = text("inspect_page.next_failed")
-        return line((words, Token.ACTION))
+        return line((self.desk.text(f"inspect_page.{_next_word(view)}"), Token.ACTION))
+
+    def _learned(self, key: Callable[[Desk], None]) -> None:
+        """Do what a key of the panel Learn does, or say why not."""
+        try:
+            key(self.desk)
+        except ProblemError as error:
+            self.desk.said = tuple(error.problems)
 
     def _measure(self) -> None:
         state = self.desk.control.state
@@ -134,16 +150,26 @@ class InspectPage(Page):
         self._painted_for = self._sizes
         state = view.state
         self._compare(state)
-        self._see(self._message if self._seen is None else self._charts)
+        lesson = None if state.measured is None else state.measured.lesson
+        self._see(self._message if self._seen is None else self._charts, learning=lesson is not None)
         if self._seen is None:
             self._message.show(self._message_lines(state))
             return
+        self._show_lesson(view)
         seen, text, caption = self._seen, self.desk.text, self._caption.size
         result, harmonics = self._result.size, self._harmonics.size
         scale = self._polar.scale_um_per_division
         self._caption.show(caption_lines(seen, scale, text, caption.width))
         self._result.show(result_lines(seen, state.simulated, text, result.width, result.height))
         self._harmonics.show(harmonic_lines(seen, text, harmonics.width, harmonics.height))
+
+    def _show_lesson(self, view: View) -> None:
+        part = view.state.measured
+        if part is None or part.lesson is None:
+            return
+        text, room = self.desk.text, self._learn.size
+        self._learn.border_title = learn_title(part.lesson, text)
+        self._learn.show(learn_lines(part.lesson, view.work, text, max(room.width, 1), room.height))
 
     def _compare(self, state: StationState) -> None:
         """Evaluate and draw, once for each pair of parts."""
@@ -172,14 +198,17 @@ class InspectPage(Page):
     @property
     def _sizes(self) -> tuple[Size, ...]:
         """The rooms of the texts; a class that was set changes them some time after the resize."""
-        return tuple(sheet.size for sheet in (self._caption, self._result, self._harmonics, self._message))
+        sheets = (self._caption, self._result, self._harmonics, self._learn, self._message)
+        return tuple(sheet.size for sheet in sheets)
 
-    def _see(self, wanted: Horizontal | Sheet) -> None:
-        """Show the numbers or the message, which needs a layout before it knows its size."""
-        if wanted.display:
+    def _see(self, wanted: Horizontal | Sheet, *, learning: bool) -> None:
+        """Show the numbers, with what they teach, or the message; each needs a layout before it knows its size."""
+        if wanted.display and self._learn.display is learning:
             return
         for each in (self._charts, self._message):
             each.display = each is wanted
+        self._learn.display = learning
+        self.set_class(learning, "-learning")
         if self.is_attached:
             self.call_after_refresh(self._paint)
 
@@ -188,6 +217,32 @@ class InspectPage(Page):
         lines = wrapped(text("inspect_page.nothing"), width)
         what = text("inspect_page.how_measure") if state.cut_done else text("inspect_page.how_cut")
         return [*lines, BLANK, *wrapped(what, width), *mark_lines(state.marks_mm, text, width)]
+
+
+def _next_word(view: View) -> str:
+    """Return the word of what comes next: air, half, whole; learning; the next part."""
+    state, part = view.state, view.state.measured
+    if state.activity is Activity.MEASURING:
+        return "next_wait"
+    if part is None:
+        if state.cut is not None and state.cut.in_air and not state.cut_done:
+            return "next_air"
+        return "next_measure" if state.cut_done else "next_cut"
+    if part.strategy is Strategy.NONE:
+        return "next_compensate"
+    lesson = part.lesson
+    teaches, kept = lesson is not None and not lesson.reasons, is_kept(lesson, view.work)
+    if lesson is not None and any(reason.code in WORSE for reason in lesson.reasons):
+        return "next_worse"
+    if part.is_half:
+        return "next_half_learn" if teaches and not kept else "next_half"
+    if kept:
+        return "next_kept"
+    if part.result.ront_um > part.job.roundness_tolerance_um:
+        return "next_failed_learn" if teaches else "next_failed"
+    taught = None if lesson is None else lesson.taught
+    # What clamping scatters anyway is no reason to stay: the part passes.
+    return "next_part_learn" if teaches and taught is not None and not in_scatter(taught) else "next_part"
 
 
 def _news(state: StationState) -> tuple[object, ...]:

@@ -111,19 +111,19 @@ def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int,
         _columns(name, _figure(before.result, key), _figure(after, key), width, Token.TEXT)
         for name, key in (("RONp", "ronp_um"), ("RONv", "ronv_um"), ("RONq", "ronq_um"))
     ]
-    lines = _gained(seen, text, width)
-    lines += _verdict(seen, text, width)
+    gained, lines = _gained(seen, text, width), _verdict(seen, text, width)
     if simulated:
         lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
-    if height > len(head) + len(lesser) + len(lines) + 1 and before.result is None and seen.after is not None:
+    spare = height - len(head) - len(lesser) - len(gained) - len(lines)
+    if spare > 1 and before.result is None and seen.after is not None:
         lines += [BLANK, *wrapped(text("inspect_page.stated_long"), width, Token.DIM)]
     wrong = mark_lines(seen.part.marks_mm, text, width)
     for problem in seen.part.result.warnings:
         wrong += wrapped("! " + text.problem(problem), width, Token.WARNING)
-    if wrong:
-        room = height - len(head) - len(lines) - len(wrong)
-        lesser = lesser[: max(room, 0)]
-    return [*head, *lesser, *lines, *wrong][: max(height, 0)]
+    room = height - len(head) - len(gained) - len(lines) - len(wrong)
+    if room < 0:
+        gained = []
+    return [*head, *lesser[: max(room, 0)], *gained, *lines, *wrong][: max(height, 0)]
 
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
@@ -131,7 +131,8 @@ def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -
     jaws, result = seen.part.job.jaws, seen.part.result
     known = [harmonic.n for harmonic in result.harmonics]
     front = [jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1) if jaws * multiple in known]
-    lines = [_heading(text, width)]
+    # In the least room the heading is that of the table above.
+    lines = [_heading(text, width)] if height > len(front) + 1 else []
     for n in front:
         lines.append(_harmonic(seen, n, text, width, Token.STRONG))
     lines.append(_phases(seen, jaws, text, width))
@@ -215,6 +216,8 @@ def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
 
 
 def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
+    if seen.part.is_half:
+        return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
     facts = {"value": f"{seen.part.result.ront_um:.2f}", "limit": f"{seen.part.job.roundness_tolerance_um:.2f}"}
     words = text("inspect_page.pass", **facts) if seen.passes else text("inspect_page.fail", **facts)
     mark, token = ("✓ ", Token.STRONG) if seen.passes else ("✗ ", Token.WARNING)

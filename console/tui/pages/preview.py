@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +12,20 @@ from textual.events import Resize
 from textual.geometry import Size
 
 from console.session.alignment import Alignment
-from console.session.preview import Preview
-from console.session.work import STRATEGIES, with_strategy
+from console.session.compensated import chosen_problems
+from console.session.foreseen import Band, predicted_band
+from console.session.preview import Underway
+from console.session.stages import Stage
+from console.session.state import StationState
+from console.session.work import STRATEGIES, Work, with_strategy
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line, wrapped
 from console.tui.page import Page
+from console.tui.pages.choosing_keys import say_what_does_not_hold, step_compensation, step_stage
+from console.tui.pages.made_words import chosen_words
 from console.tui.pages.preview_lines import (
+    foreseen,
     margin_lines,
     margins,
     problem_lines,
@@ -26,12 +34,14 @@ from console.tui.pages.preview_lines import (
     strategy_lines,
 )
 from console.tui.pages.program import ProgramView
+from console.tui.pages.run_lines import window_words
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.scale import nice_limits
 from console.tui.plot.trace_view import Series, TraceView
 from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from drivers.cut import Strategy
+from profiles.problem import ProblemError
 
 ROWS_FOR_PLOTS = 16
 """Rows of the page below which numbers take the room of the plots."""
@@ -43,11 +53,14 @@ _SCROLL_PAGES = 0.5
 _JAW_1 = "1"
 
 
-def roundness_traces(seen: Preview, strategy: Strategy) -> list[PolarTrace]:
-    """Return the predicted roundness without compensation and, on top, with this strategy."""
+def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
+    """Return the predicted roundness without compensation and, on top, with this strategy.
+
+    Each is that of its program; until that is there, of its closed form, if there is one.
+    """
     traces = []
     for which, token in ((Strategy.NONE, Token.BEFORE), (strategy, Token.AFTER)):
-        made = seen.predictions.get(which)
+        made = foreseen(seen, which)
         if made is None or (token is Token.AFTER and strategy is Strategy.NONE):
             continue
         dashed = token is Token.BEFORE
@@ -57,13 +70,18 @@ def roundness_traces(seen: Preview, strategy: Strategy) -> list[PolarTrace]:
     return traces
 
 
-def path_series(seen: Preview, strategy: Strategy) -> list[Series]:
+def path_series(seen: Underway, strategy: Strategy) -> list[Series]:
     """Return the path that is wanted of the tool tip, and the command of this strategy, um of infeed."""
     series = [Series(x=_TURN_DEG, y=seen.wanted.at_um(_TURN_DEG), token=Token.WANTED)]
-    made = seen.predictions.get(strategy)
+    made = foreseen(seen, strategy)
     if made is not None:
         series.append(Series(x=made.angle_deg, y=made.command_um, token=Token.COMMAND, dashed=True))
     return series
+
+
+def known_of(work: Work | None) -> Underway | None:
+    """Return what is known of the job by now."""
+    return None if work is None else work.preview or work.outlook
 
 
 class PreviewPage(Page):
@@ -81,13 +99,14 @@ class PreviewPage(Page):
         #preview-roundness { height: 1fr; }
         #preview-caption { width: 16; height: 1fr; }
         #preview-path { height: 1fr; }
-        #preview-strategy, #preview-margins { height: 8; }
+        #preview-strategy { height: 8; }
+        #preview-margins { height: 9; }
         #preview-program, #preview-message { height: 1fr; }
         #preview-message { padding: 1 2; }
     }
     PreviewPage.-roomy #preview-strategy { height: 12; }
     PreviewPage.-tall #preview-strategy { height: 18; }
-    PreviewPage.-tall #preview-margins { height: 14; }
+    PreviewPage.-tall #preview-margins { height: 15; }
     PreviewPage.-bare #preview-roundness, PreviewPage.-bare #preview-path { display: none; }
     PreviewPage.-bare #preview-strategy, PreviewPage.-bare #preview-margins { height: 1fr; }
     """
@@ -107,7 +126,7 @@ class PreviewPage(Page):
         self._message = Sheet(palette, id="preview-message")
         self._reading = False
         self._view: View | None = None
-        self._drawn: tuple[Preview, Strategy] | None = None
+        self._drawn: tuple[Underway, Strategy] | None = None
         self._painted_for: tuple[Size, ...] = ()
         self._roundness.border_title = text("preview_page.roundness")
         self._roundness.border_subtitle = text("preview_page.roundness_as")
@@ -142,33 +161,47 @@ class PreviewPage(Page):
         self.call_after_refresh(self._paint)
 
     def act(self, action: str) -> None:
-        """Step to the next strategy, open or close the program, move in it."""
-        work = self.desk.work
-        if action == "preview.strategy" and work is not None:
-            place = STRATEGIES.index(work.strategy)
-            self.desk.work = with_strategy(work, STRATEGIES[(place + 1) % len(STRATEGIES)])
-            if self._view is not None:
-                self.show(replace(self._view, work=self.desk.work))
+        """Step to the next strategy, compensation or stage, open or close the program, move in it."""
+        if action in _CHOICES:
+            self._choose(_CHOICES[action])
         elif action == "preview.program":
             self._reading = not self._reading
             self._paint()
         elif action in ("preview.up", "preview.down") and self._reading:
             self._program.scroll_pages(_SCROLL_PAGES if action == "preview.down" else -_SCROLL_PAGES)
 
+    def _choose(self, step: Callable[[Desk], None]) -> None:
+        """Step through what can be chosen, or say why not."""
+        try:
+            step(self.desk)
+        except ProblemError as error:
+            self.desk.said = tuple(error.problems)
+        if self._view is not None:
+            self.show(replace(self._view, work=self.desk.work))
+
     def next_step(self, view: View) -> Line:
         """Return what comes next: mostly the alignment."""
         text, work = self.desk.text, view.work
         if work is None:
             return line((text("preview_page.next_job"), Token.ACTION))
-        if work.preview is None:
+        seen, strategy = known_of(work), Strategy(work.strategy)
+        if seen is None:
             words = text("preview_page.next_problem") if work.preview_problems else text("preview_page.next_wait")
-        elif refused(work.preview, Strategy(work.strategy)):
+        elif self._not_for_it(work, view.state):
+            words = text("preview_page.next_choose")
+        elif refused(seen, strategy):
             words = text("preview_page.next_refused")
+        elif strategy not in seen.strategies:
+            words = text("preview_page.next_wait")
         elif self._reading:
             words = text("preview_page.next_program")
         else:
-            words = text("preview_page.next_align")
+            words = text(f"preview_page.{_next_word(work)}")
         return line((words, Token.ACTION))
+
+    def _not_for_it(self, work: Work, state: StationState) -> bool:
+        """Whether the job may not be cut with the compensation and the stage that are chosen."""
+        return bool(chosen_problems(work, simulated=state.simulated))
 
     def leave(self) -> None:
         """The charts are there again when the operator comes back."""
@@ -181,19 +214,21 @@ class PreviewPage(Page):
         if view is None:
             return
         self._painted_for = self._sizes
-        work = view.work
-        if work is None or work.preview is None:
+        work, seen, text = view.work, known_of(view.work), self.desk.text
+        if work is None or seen is None:
             self._see(self._message)
             self._message.show(self._message_lines(view))
             return
         strategy = Strategy(work.strategy)
         if self._reading:
             self._see(self._program)
-            self._program.show_program(work.preview, strategy)
+            self._program.show_program(seen, strategy)
         else:
             self._see(self._charts)
-            self._draw(work.preview, strategy)
-            self._write(work.preview, strategy, view.state.alignment)
+            self._draw(seen, strategy)
+            self._write(seen, strategy, view.state.alignment, _band(work, seen, strategy))
+            key = "made_not" if self._not_for_it(work, view.state) else "made"
+            self._strategy.border_subtitle = text(f"preview_page.{key}", made=chosen_words(text, work))
 
     @property
     def _sizes(self) -> tuple[Size, ...]:
@@ -217,7 +252,7 @@ class PreviewPage(Page):
             return problem_lines(view.work.preview_problems, text, width)
         return wrapped(text("preview_page.computing"), width)
 
-    def _draw(self, seen: Preview, strategy: Strategy) -> None:
+    def _draw(self, seen: Underway, strategy: Strategy) -> None:
         """Draw the plots, once for each preview and strategy."""
         if self._drawn is not None and self._drawn[0] is seen and self._drawn[1] is strategy:
             return
@@ -228,9 +263,39 @@ class PreviewPage(Page):
         low, high = (float(edge(np.concatenate([each.y for each in series]))) for edge in (np.min, np.max))
         self._path.show(series, _FULL_TURN, nice_limits(low, high), "um", "°")
 
-    def _write(self, seen: Preview, strategy: Strategy, alignment: Alignment) -> None:
+    def _write(self, seen: Underway, strategy: Strategy, alignment: Alignment, band: Band | None) -> None:
         text, scale = self.desk.text, self._polar.scale_um_per_division
         caption, strategies, needs = self._caption.size, self._strategy.size, self._margins.size
-        self._caption.show(roundness_caption(seen, strategy, alignment, scale, text, max(caption.width, 1)))
+        self._caption.show(roundness_caption(seen, strategy, alignment, scale, text, max(caption.width, 1), band))
         self._strategy.show(strategy_lines(seen, strategy, text, strategies.width, strategies.height))
-        self._margins.show(margin_lines(margins(seen, strategy), text, needs.width, needs.height))
+        window = window_words(seen.job, seen.machine)
+        self._margins.show(margin_lines(margins(seen, strategy), text, needs.width, needs.height, window))
+
+
+def _step_strategy(desk: Desk) -> None:
+    """Take the next strategy. What was learned with another one stays chosen, and does not hold; that is said."""
+    work = desk.work
+    if work is not None:
+        place = STRATEGIES.index(work.strategy)
+        desk.work = with_strategy(work, STRATEGIES[(place + 1) % len(STRATEGIES)])
+        say_what_does_not_hold(desk)
+
+
+_CHOICES: dict[str, Callable[[Desk], None]] = {
+    "preview.strategy": _step_strategy,
+    "preview.learned": step_compensation,
+    "preview.stage": step_stage,
+}
+
+
+def _band(work: Work, seen: Underway, strategy: Strategy) -> Band | None:
+    """Return the band of what is left; there is none of what was learned, of which the model knows nothing."""
+    if work.compensation is not None or work.stage == Stage.AIR:
+        return None
+    return predicted_band(seen, strategy)
+
+
+def _next_word(work: Work) -> str:
+    if work.stage != Stage.FULL:
+        return "next_air" if work.stage == Stage.AIR else "next_half"
+    return "next_align" if work.compensation is None else "next_learned"

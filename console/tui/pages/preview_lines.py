@@ -7,7 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from console.session.alignment import Alignment
-from console.session.preview import Prediction, Preview, Response, Share
+from console.session.closed_form import ClosedForm, closed_form
+from console.session.foreseen import Band
+from console.session.outlook import INVERTING
+from console.session.preview import Prediction, Response, Underway
 from console.session.work import STRATEGIES
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, line, ranged, wrapped
@@ -25,6 +28,9 @@ MARKS = {
 BEFORE_KEY, AFTER_KEY = "- -", "──"
 """How a broken and a solid trace are written in a caption."""
 
+UNKNOWN = "…"
+"""What stands in the place of a figure until its program says it."""
+
 _LONGEST_BAR = 40
 _LEAST_BAR = 4
 _MARGIN_LABEL = 12
@@ -33,31 +39,50 @@ _SPACED_ROWS = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margin:
-    """A need against what there is, as it is written: name of its label, decimals, unit."""
+    """A need against what there is, as it is written: name of its label, decimals, unit; None is not known yet."""
 
     name: str
-    share: Share
+    need: float | None
+    limit: float | None
     decimals: int
     unit: str
 
     @property
     def value(self) -> str:
         """Both values with their unit."""
-        return f"{self.share.need:.{self.decimals}f} / {self.share.limit:.{self.decimals}f} {self.unit}"
+        return f"{self._said(self.need)} / {self._said(self.limit)} {self.unit}"
+
+    @property
+    def percent(self) -> float | None:
+        """The need as a percentage of the limit."""
+        return None if self.need is None or self.limit is None else 100.0 * self.need / self.limit
+
+    def _said(self, value: float | None) -> str:
+        """A value that is not known takes the room of a small one."""
+        room = len(f"{0.0:.{self.decimals}f}")
+        return f"{UNKNOWN:>{room}}" if value is None else f"{value:.{self.decimals}f}"
 
 
-def findings_of(seen: Preview, strategy: Strategy) -> tuple[Finding, ...]:
+def foreseen(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | None:
+    """Return what the program of a strategy will do; until that is there, the closed form, if there is one."""
+    if strategy in seen.strategies:
+        return seen.predictions.get(strategy)
+    return closed_form(seen, strategy)
+
+
+def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
     """Return what does not hold, refusals first: of the job, and of the program of this strategy."""
-    plan = seen.strategies[strategy]
+    plan = seen.strategies.get(strategy)
+    of_plan: tuple[Finding, ...] = ()
     if isinstance(plan, ProblemError):
         of_plan = tuple(Finding(severity=Severity.REFUSAL, problem=problem) for problem in plan.problems)
-    else:
+    elif plan is not None:
         of_plan = plan.findings
     told = [finding for finding in (*seen.findings, *of_plan) if finding.severity is not Severity.OK]
     return tuple(sorted(told, key=lambda finding: finding.severity is not Severity.REFUSAL))
 
 
-def refused(seen: Preview, strategy: Strategy) -> bool:
+def refused(seen: Underway, strategy: Strategy) -> bool:
     """Whether a cut with this strategy would not be started."""
     return any(finding.severity is Severity.REFUSAL for finding in findings_of(seen, strategy))
 
@@ -87,27 +112,33 @@ def jaw_words(job: Job, alignment: Alignment, text: Catalogue) -> str:
 
 
 def roundness_caption(
-    seen: Preview, strategy: Strategy, alignment: Alignment, um_per_division: float, text: Catalogue, width: int
+    seen: Underway,
+    strategy: Strategy,
+    alignment: Alignment,
+    um_per_division: float,
+    text: Catalogue,
+    width: int,
+    band: Band | None = None,
 ) -> list[Line]:
-    """Return what the traces of roundness are, and their scale."""
+    """Return what the traces of roundness are, with the `band` of the strategy, and their scale."""
     without, with_ = seen.predictions.get(Strategy.NONE), seen.predictions.get(strategy)
     lines: list[Line] = []
-    if without is not None:
-        lines += _trace_words(BEFORE_KEY, text("preview_page.without"), Token.BEFORE, without.ront_um, width)
-    if with_ is not None and strategy is not Strategy.NONE:
-        lines += _trace_words(AFTER_KEY, strategy.value, Token.AFTER, with_.ront_um, width)
+    if without is not None or Strategy.NONE not in seen.strategies:
+        left_um = seen.job.lobe_error_um_pp if without is None else without.ront_um
+        lines += _trace_words(BEFORE_KEY, text("preview_page.without"), Token.BEFORE, f"{left_um:.1f}", width)
+    if strategy is not Strategy.NONE and (with_ is not None or strategy not in seen.strategies):
+        left = UNKNOWN if with_ is None else f"{with_.ront_um:.1f}"
+        lines += _trace_words(AFTER_KEY, strategy.value, Token.AFTER, left, width, band)
     lines.append((dim(text("preview_page.scale", value=f"{um_per_division:g}")),))
     return [*lines, *wrapped(jaw_words(seen.job, alignment, text), width)]
 
 
-def strategy_lines(seen: Preview, strategy: Strategy, text: Catalogue, width: int, height: int) -> list[Line]:
+def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return what each strategy leaves, what is found against the chosen one, and what it makes of the servo."""
     lines = [_left_on_part(seen, Strategy(name), strategy, text, width) for name in STRATEGIES]
     findings = findings_of(seen, strategy)
-    lines.append(_found(seen.strategies[strategy], findings, text, width))
-    prediction = seen.predictions.get(strategy)
-    if prediction is not None:
-        lines += _servo_lines(seen, strategy, prediction, text, width)
+    lines.append(_found(seen.strategies.get(strategy), findings, text, width))
+    lines += _servo_lines(seen, strategy, text, width)
     room = height - len(lines)
     words = finding_lines(findings, text, width)
     if words and room > _SPACED_ROWS:
@@ -116,53 +147,88 @@ def strategy_lines(seen: Preview, strategy: Strategy, text: Catalogue, width: in
     return lines[: max(height, 0)]
 
 
-def margins(seen: Preview, strategy: Strategy) -> tuple[Margin, ...]:
+def margins(seen: Underway, strategy: Strategy) -> tuple[Margin, ...]:
     """Return what the chosen strategy needs of the drive, against what the machine has."""
-    prediction, tool = seen.predictions.get(strategy), seen.machine.tool
-    stroke_um = 2.0 * seen.command.amplitude_um if prediction is None else prediction.stroke_um
-    lobe_hz = seen.job.lobe_frequency_hz if prediction is None else prediction.lobe_frequency_hz
-    shares = seen.shares if prediction is None else prediction.shares
-    stroke = Share(need=stroke_um / 1000.0, limit=tool.travel_max_mm - tool.travel_min_mm)
-    loop = Share(need=lobe_hz, limit=seen.eq9_loop.bandwidth_hz)
+    tool, needs = seen.machine.tool, _needs(seen, strategy)
+    bandwidth_hz = None if seen.eq9_loop is None else seen.eq9_loop.bandwidth_hz
+
+    def share(name: str, key: str, decimals: int, unit: str) -> Margin:
+        return Margin(name=name, need=needs.get(key), limit=seen.shares[key].limit, decimals=decimals, unit=unit)
+
+    travel_mm = tool.travel_max_mm - tool.travel_min_mm
     return (
-        Margin(name="stroke", share=stroke, decimals=3, unit="mm"),
-        Margin(name="velocity", share=shares["velocity_mm_per_s"], decimals=1, unit="mm/s"),
-        Margin(name="acceleration", share=shares["acceleration_m_per_s2"], decimals=1, unit="m/s2"),
-        Margin(name="thrust", share=shares["force_rms_n"], decimals=1, unit="N"),
-        Margin(name="current", share=shares["current_a"], decimals=2, unit="A"),
-        Margin(name="loop", share=loop, decimals=1, unit="Hz"),
+        Margin(name="stroke", need=needs.get("stroke_mm"), limit=travel_mm, decimals=3, unit="mm"),
+        share("velocity", "velocity_mm_per_s", 1, "mm/s"),
+        share("acceleration", "acceleration_m_per_s2", 1, "m/s2"),
+        share("thrust", "force_rms_n", 1, "N"),
+        share("current", "current_a", 2, "A"),
+        Margin(name="loop", need=needs.get("lobe_hz"), limit=bandwidth_hz, decimals=1, unit="Hz"),
     )
 
 
-def margin_lines(needs: Sequence[Margin], text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return the margins with bars, spaced where there is room; a narrow panel gives up the bars."""
+def _needs(seen: Underway, strategy: Strategy) -> dict[str, float]:
+    """Return the needs by name: of the program if it is there, else of the closed form; none of what has none."""
+    made = foreseen(seen, strategy)
+    if made is not None:
+        stroke_um, lobe_hz, shares = made.stroke_um, made.lobe_frequency_hz, made.shares
+    elif strategy in seen.strategies:  # there is no program: what the inverse would need may say why
+        stroke_um, lobe_hz, shares = 2.0 * seen.command.amplitude_um, seen.job.lobe_frequency_hz, seen.shares
+    else:
+        return {}
+    return {
+        "stroke_mm": stroke_um / 1000.0,
+        "lobe_hz": lobe_hz,
+        **{name: share.need for name, share in shares.items()},
+    }
+
+
+def margin_lines(
+    needs: Sequence[Margin], text: Catalogue, width: int, height: int, window: str = ""
+) -> list[Line]:
+    """Return the margins with bars, spaced where there is room; a narrow panel gives up the bars.
+
+    Behind them stands the `window` of the chucking force, where it is given.
+    """
     values = max(len(need.value) for need in needs)
     bar = min(width - _MARGIN_LABEL - values - 8, _LONGEST_BAR)
     lines: list[Line] = []
     for need in needs:
         lines.append(_margin(need, text, width, values, bar if bar >= _LEAST_BAR else 0))
-        if height >= _SPACED_ROWS * len(needs):
+        if height >= _SPACED_ROWS * len(needs) + bool(window):
             lines.append(BLANK)
+    if window:
+        lines.append(ranged(line(dim(text("preview_page.force_window"))), line(f" {window}"), width))
     return lines[: max(height, 0)]
 
 
 def _margin(need: Margin, text: Catalogue, width: int, values: int, bar: int) -> Line:
-    over = need.share.percent > 100.0
+    percent = 0.0 if need.percent is None else need.percent
+    over = percent > 100.0
     token = Token.WARNING if over else Token.TEXT
-    most = bar if need.share.percent >= 100.0 else bar - 1  # what is left may be small, but it is there
-    filled = min(round(bar * need.share.percent / 100.0), most)
+    most = bar if percent >= 100.0 else bar - 1  # what is left may be small, but it is there
+    filled = min(round(bar * percent / 100.0), most)
     drawn: Line = (("■" * filled, token), dim("□" * (bar - filled)), dim(" ")) if bar else ()
-    right = line(
-        (f"{need.value:>{values}}", token), (f" {need.share.percent:3.0f} %", token), "!" if over else " "
-    )
+    share = f"{UNKNOWN:>3}" if need.percent is None else f"{percent:3.0f}"
+    right = line((f"{need.value:>{values}}", token), (f" {share} %", token), "!" if over else " ")
     return ranged(line(dim(text(f"preview_page.{need.name}"))), (*drawn, *right), width)
 
 
-def _trace_words(key: str, name: str, token: Token, ront_um: float, width: int) -> list[Line]:
-    return [line((key, token), " ", name), ranged(BLANK, line((f"{ront_um:.1f} um", token)), max(width - 1, 0))]
+def _trace_words(
+    key: str, name: str, token: Token, ront_um: str, width: int, band: Band | None = None
+) -> list[Line]:
+    head, room = line((key, token), " ", name), max(width - 1, 0)
+    alone = ranged(BLANK, line((f"{ront_um} um", token)), room)
+    if band is None:
+        return [head, alone]
+    span = f"{band.low_um:.1f}–{band.high_um:.1f}"
+    # The unit is that of the trace before it, where there is no room for another.
+    for both in (f"{ront_um} ({span}) um", f"{ront_um} ({span})"):
+        if len(both) <= room:
+            return [head, ranged(BLANK, line((both, token)), room)]
+    return [head, alone, ranged(BLANK, line((f"({span})", token)), room)]
 
 
-def _left_on_part(seen: Preview, strategy: Strategy, chosen: Strategy, text: Catalogue, width: int) -> Line:
+def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Catalogue, width: int) -> Line:
     """One strategy with what it leaves."""
     prediction = seen.predictions.get(strategy)
     mine = strategy is chosen
@@ -171,32 +237,39 @@ def _left_on_part(seen: Preview, strategy: Strategy, chosen: Strategy, text: Cat
         (f"{strategy.value:<9}", Token.STRONG if mine else Token.TEXT),
         dim(text(f"preview_page.how.{strategy}")),
     )
-    if prediction is None or refused(seen, strategy):
+    token = Token.STRONG if mine else Token.TEXT
+    if refused(seen, strategy):
         return ranged(left, line(("✗ " + text("preview_page.refused"), Token.ALARM)), width)
-    return ranged(left, line((f" {prediction.ront_um:.1f} um", Token.STRONG if mine else Token.TEXT)), width)
+    ront = UNKNOWN if prediction is None else f"{prediction.ront_um:.1f}"
+    return ranged(left, line((f" {ront} um", token)), width)
 
 
-def _found(plan: CutPlan | ProblemError, findings: Sequence[Finding], text: Catalogue, width: int) -> Line:
+def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], text: Catalogue, width: int) -> Line:
     """How many findings there are, and how long the program runs."""
+    if plan is None:
+        return ranged(line(dim(f"{UNKNOWN} "), text("preview_page.checking")), line(f" {UNKNOWN} s"), width)
     mark = MARKS[findings[0].severity if findings else Severity.OK]
     words = text("preview_page.findings", count=len(findings)) if findings else text("preview_page.no_findings")
     time = f" {plan.duration_s:.1f} s" if isinstance(plan, CutPlan) else ""
     return ranged(line(mark, " ", words), line(time), width)
 
 
-def _servo_lines(
-    seen: Preview, strategy: Strategy, prediction: Prediction, text: Catalogue, width: int
-) -> list[Line]:
-    """The servo at the lobe frequency, its inverse, and what the program does besides."""
-    frequency = f"{prediction.lobe_frequency_hz:.1f}"
-    plan = seen.strategies[strategy]
-    rows = [
-        (text("preview_page.servo", frequency=frequency), _gain_and_phase(prediction.response)),
+def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
+    """The servo at the lobe frequency, its inverse, and what the program does besides, unless there is none."""
+    plan, prediction = seen.strategies.get(strategy), seen.predictions.get(strategy)
+    if isinstance(plan, ProblemError):
+        return []
+    made = foreseen(seen, strategy)
+    depth = UNKNOWN if prediction is None else f"{prediction.mean_um:.1f}"
+    speed = UNKNOWN if plan is None else f"{plan.spindle_speed_rpm:.0f}"
+    frequency = UNKNOWN if made is None else f"{made.lobe_frequency_hz:.1f}"
+    servo = UNKNOWN if made is None else _gain_and_phase(made.response)
+    rows = (
+        (text("preview_page.servo", frequency=frequency), servo),
         (text("preview_page.inverse"), _inverse(seen, strategy, text)),
-        (text("preview_page.depth"), f"{prediction.mean_um:.1f} um"),
-    ]
-    if isinstance(plan, CutPlan):
-        rows.append((text("preview_page.speed"), f"{plan.spindle_speed_rpm:.0f} rpm"))
+        (text("preview_page.depth"), f"{depth} um"),
+        (text("preview_page.speed"), f"{speed} rpm"),
+    )
     return [ranged(line(dim(label)), line(" " + value), width) for label, value in rows]
 
 
@@ -204,9 +277,11 @@ def _gain_and_phase(response: Response) -> str:
     return f"x{response.gain:.3f}  {math.degrees(response.phase_rad):+.1f}°"
 
 
-def _inverse(seen: Preview, strategy: Strategy, text: Catalogue) -> str:
-    if strategy is not Strategy.PVT or seen.wanted.amplitude_um == 0.0:
+def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:
+    if strategy not in INVERTING or seen.wanted.amplitude_um == 0.0:
         return text("preview_page.not_inverted")
+    if strategy is not seen.strategy:
+        return UNKNOWN
     factor = seen.command.amplitude_um / seen.wanted.amplitude_um
     lead_deg = seen.wanted.crest_deg - seen.command.crest_deg
     return text("preview_page.inverted", factor=f"{factor:.3f}", lead=f"{lead_deg:.1f}")

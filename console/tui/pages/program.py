@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from textual.events import Resize
 
-from console.session.preview import Preview
+from console.session.preview import Underway
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, line
-from console.tui.pages.preview_lines import finding_lines, findings_of
+from console.tui.pages.preview_lines import UNKNOWN, finding_lines, findings_of
 from console.tui.sheet import Sheet
 from console.tui.theme import Palette, Token
 from drivers.cut import CutPlan, Strategy
@@ -34,11 +34,13 @@ def program_lines(text: str, width: int) -> list[Line]:
     return lines
 
 
-def program_rows(seen: Preview, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
+def program_rows(seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
     """Return the findings in words, then the program, if there is one."""
     found = finding_lines(findings_of(seen, strategy), text, width)
+    plan = seen.strategies.get(strategy)
+    if plan is None:
+        return [*found, line(dim(f"{UNKNOWN} "), text("preview_page.checking"))]
     head = found or [line(("✓ ", Token.OK), text("preview_page.no_findings"))]
-    plan = seen.strategies[strategy]
     return [*head, BLANK, *program_lines(plan.text, width)] if isinstance(plan, CutPlan) else head
 
 
@@ -48,13 +50,14 @@ class ProgramView(Sheet):
     def __init__(self, palette: Palette, text: Catalogue, *, id: str | None = None) -> None:
         super().__init__(palette, id=id)
         self._text = text
-        self._shown: tuple[Preview, Strategy] | None = None
+        self._shown: tuple[Underway, Strategy] | None = None
         self._first = 0
 
-    def show_program(self, seen: Preview, strategy: Strategy) -> None:
+    def show_program(self, seen: Underway, strategy: Strategy) -> None:
         """Show the program of a strategy; another one begins at its top."""
-        if self._shown is None or self._shown[0] is not seen or self._shown[1] is not strategy:
-            self._shown, self._first = (seen, strategy), 0
+        before, self._shown = self._shown, (seen, strategy)
+        if before is None or before[0].strategies.get(before[1]) is not seen.strategies.get(strategy):
+            self._first = 0
         self._lay()
 
     def scroll_pages(self, pages: float) -> None:

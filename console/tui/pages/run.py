@@ -17,6 +17,7 @@ from console.session.alignment import JawAngle
 from console.session.clearance import tool_in_part
 from console.session.intents import Arm, Disarm, Hold, Retract, Start
 from console.session.progress import CutProgress, CutStage
+from console.session.stages import Stage
 from console.session.state import Activity, StationState
 from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
@@ -131,7 +132,6 @@ class RunPage(Page):
         self._view: View | None = None
         self._waits_for_room = False
         text = desk.text
-        self._progress.border_title = text("run_page.cut")
         self._errors.border_title = text("run_page.errors")
 
     def compose(self) -> ComposeResult:
@@ -236,8 +236,8 @@ class RunPage(Page):
         found = checks(view.state, view.work, self.desk.machine.machine)
         failed = [check.name for check in found if check.problems]
         if not failed:
-            return "arm"
-        return "set_up" if failed[0] == "job" else "align"
+            return "arm_air" if _done_in_air(view.state) and view.work.stage == Stage.AIR else "arm"
+        return {"job": "set_up", "learned": "choose"}.get(failed[0], "align")
 
     def _in_part(self, state: StationState) -> bool | None:
         """Whether the tool stands in or at the part that is clamped, None where that is not known."""
@@ -258,7 +258,15 @@ class RunPage(Page):
         elif work is not None:
             # The record must not name a file as the source of a job that differs from it.
             sha256 = f"{work.loaded.sha256} edited" if work.edited else work.loaded.sha256
-            self.desk.control.post(Arm(job=work.job, job_sha256=sha256, strategy=Strategy(work.strategy)))
+            order = Arm(
+                job=work.job,
+                job_sha256=sha256,
+                strategy=Strategy(work.strategy),
+                loaded=None if work.edited else work.loaded,
+                compensation=work.compensation,
+                stage=work.stage,
+            )
+            self.desk.control.post(order)
 
     def _start(self) -> None:
         state = self.desk.control.state
@@ -312,6 +320,9 @@ class RunPage(Page):
         text = self.desk.text
         job = None if view.work is None else view.work.job
         self._progress.show([progress_line(text, cut, self._progress.size.width)])
+        where = text("run_page.cut_in_air" if cut.in_air else "run_page.cut")
+        if self._progress.border_title != where:
+            self._progress.border_title = where
         size, snapshot = self._values.size, view.state.snapshot
         width = min(size.width, WIDEST_FACT)
         rows = live_lines(text, cut, job, width)
@@ -388,6 +399,11 @@ class RunPage(Page):
 def _left(state: StationState) -> bool:
     """Whether a cut was left while the tool was in the part that is clamped, or on its way out."""
     return state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
+
+
+def _done_in_air(state: StationState) -> bool:
+    """Whether the cut in air has been done, after which the blank is still there."""
+    return state.cut is not None and state.cut.in_air and state.cut.stage is CutStage.DONE
 
 
 def _stage_word(cut: CutProgress) -> str:

@@ -7,16 +7,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from console.session.alignment import Alignment, aligned_job, aligned_machine, problems
+from console.session.compensated import chosen_problems
 from console.session.interlocks import of_job, of_lobe
 from console.session.jogging import tool_radius_mm
 from console.session.progress import CutProgress, CutStage
+from console.session.stages import Stage
 from console.session.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, line, wrapped
 from console.tui.pages.fields import named
+from console.tui.pages.made_words import armed_words, chosen_words
 from console.tui.theme import Token
 from drivers.cut import Strategy
+from profiles.chucking.advice import Stands, force_span
+from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -57,15 +62,21 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
 
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Check]:
     """The conditions of the job: of the one that is armed, else of the one in hand."""
+    chosen: tuple[Problem, ...] | None = None
     if state.armed is not None:
         job, strategy = state.armed.job, state.armed.strategy
     elif work is not None:
         job, strategy = work.job, Strategy(work.strategy)
+        if work.compensation is not None or work.stage != Stage.FULL:
+            chosen = chosen_problems(work, simulated=state.simulated)
     else:
         yield Check(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
         return
     fits = of_job(job, aligned_machine(machine, state.alignment))
-    yield Check(name="job", problems=(*fits.problems, *of_lobe(job, machine, strategy).problems))
+    as_found = of_lobe(job, machine, strategy, simulated=state.simulated)
+    yield Check(name="job", problems=(*fits.problems, *as_found.problems))
+    if chosen is not None:
+        yield Check(name="learned", problems=chosen)
     yield Check(name="aligned", problems=problems(state.alignment, job))
 
 
@@ -101,11 +112,13 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
         ("job", job.name),
         ("revision", _revision(text, work, armed)),
         ("force", f"{job.chucking_force_n:.0f} N"),
+        ("window", window_words(job, work.machine.machine)),
         ("confirmed", text("run_page.not_yet") if stamps.clamping is None else stamps.clamping.at),
         ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
         ("feed", f"{job.feed_mm_per_rev:.3f} mm/rev"),
         ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),
         ("strategy", text(f"run_page.strategy.{strategy}")),
+        ("made", chosen_words(text, work) if armed is None else armed_words(text, armed)),
         (
             "jaw",
             text("run_page.not_yet") if stamps.jaw is None else f"{stamps.jaw.angle_deg:.2f} °  {stamps.jaw.at}",
@@ -114,6 +127,13 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     ]
     facts = [fact(text(f"run_page.sum.{key}"), value, width, label_width=LABEL_WIDTH) for key, value in pairs]
     return facts if armed is None else [*_armed_head(text, armed, now_s, width), *facts]
+
+
+def window_words(job: Job, machine: MachineProfile) -> str:
+    """Return the forces that will do for a job, and whether its own is one of them."""
+    span = force_span(job, machine)
+    least_n, most_n = span.whole_n
+    return f"{'✓' if span.stands(job.chucking_force_n) is Stands.INSIDE else '✗'} {least_n} … {most_n} N"
 
 
 def _revision(text: Catalogue, work: Work, armed: Armed | None) -> str:
@@ -148,7 +168,8 @@ def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: i
 
 def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return the figures of a cut that has ended: they are the controller's, nothing was measured on the part."""
-    how = text("run_page.held") if cut.stage is CutStage.HELD else text("run_page.done")
+    word = "held" if cut.stage is CutStage.HELD else "done_in_air" if cut.in_air else "done"
+    how = text(f"run_page.{word}")
     rows = [*wrapped(how, width, Token.STRONG), BLANK]
     rows.append(_fact(text, "turns", f"{cut.turn:.0f} / {cut.turns:.0f}", width))
     rows.append(_fact(text, "length", f"{cut.z_mm:.2f} / {cut.length_mm:.2f} mm", width))
@@ -173,6 +194,8 @@ def after_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
     """Return what comes next after a cut that has ended."""
     if state.cut is not None and state.cut.stage is CutStage.HELD:
         return wrapped(text("run_page.after_hold"), width)
+    if state.cut is not None and state.cut.in_air:
+        return wrapped(text("run_page.after_air"), width)
     if state.cut_done:
         return wrapped(text("run_page.after_cut") if state.simulated else text("run_page.after_real_cut"), width)
     return wrapped(text("run_page.after_measured"), width)

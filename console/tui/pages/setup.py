@@ -10,6 +10,7 @@ from textual.content import Content
 from textual.events import Resize
 from textual.widgets import Input
 
+from console.session.calibrated_chuck import warnings_of
 from console.session.paths import jobs_folder
 from console.session.state import Activity, StationState
 from console.session.work import Work, saved_as, undone
@@ -54,7 +55,7 @@ class SetupPage(Page):
         Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
         .form { width: 62%; height: 1fr; }
         .side { width: 1fr; height: 1fr; }
-        .speed { height: 7; }
+        .speed { height: 9; }
         .findings { height: 1fr; }
         .entry {
             layer: entry; position: absolute; display: none; width: 10; height: 1;
@@ -62,6 +63,8 @@ class SetupPage(Page):
         }
     }
     SetupPage.tight .speed { height: 5; }
+    .-mid SetupPage .speed { height: 10; }
+    .-tall SetupPage .speed { height: 10; }
     .-medium SetupPage .form { width: 54; }
     .-wide SetupPage .form { width: 72; }
     """
@@ -82,6 +85,7 @@ class SetupPage(Page):
         self._shown_work: Work | None = None
         self._titles: dict[Sheet, tuple[str, str]] = {}
         self._machine = desk.machine.machine
+        self._told = warnings_of(desk.machine)
 
     def compose(self) -> ComposeResult:
         """Put the form to the left and its consequences to the right."""
@@ -289,8 +293,8 @@ class SetupPage(Page):
         self._form.show(layout.lines)
         self._place(layout.entry)
         job = draft(state)
-        self._speed.show(speed_lines(job, self._machine, text, self._speed.size.width))
-        self._findings.show(finding_lines(check(job, self._machine), text, *self._findings.size))
+        self._speed.show(speed_lines(job, self._machine, text, *self._speed.size))
+        self._findings.show(finding_lines(check(job, self._machine), text, *self._findings.size, self._told))
         title = text("setup.title", name=printable(work.job.name))
         self._entitle(self._form, title, text("setup.edited") if work.edited else "")
         self._entitle(self._speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
@@ -332,7 +336,7 @@ class SetupPage(Page):
         findings = check(work.job, self._machine)
         if refusing := refusals(findings):
             return text("setup.next.refused", count=len(refusing))
-        warned = any(finding.severity is Severity.WARNING for finding in findings)
+        warned = self._told or any(finding.severity is Severity.WARNING for finding in findings)
         return text("setup.next.warned") if warned else text("setup.next.ready")
 
 

@@ -12,10 +12,14 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fact, fitted, line, width_of, wrapped
 from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, with_unit, written
 from console.tui.theme import Token
+from profiles.chucking.advice import ForceSpan, Stands, force_span
+from profiles.chucking.holding import holding_of
+from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
+from profiles.chucking.wrench import torque_or_none_n_m
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import Finding, Severity, centrifugal_loss_n, grip_margin_n
+from profiles.rules import Finding, Severity
 
 ENTRY_WIDTH = 10
 """Cells in which a number is typed; a text takes all of its row."""
@@ -23,6 +27,7 @@ ENTRY_WIDTH = 10
 FOOT_ROWS = 2
 _MARK, _LABEL, _UNIT = 2, 15, 8
 _SPEED_LABEL, _SPEED_WIDTH = 19, 46
+_ROWS_WITH_BAR = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,30 +81,80 @@ def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
     return Form(lines=tuple(filled), entry=(left, rows.index(state.field), cells))
 
 
-def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int) -> list[Line]:
-    """Return what the speed makes of the grip and of the lobe, and what is known of the lobe."""
-    margin_n = grip_margin_n(job, machine)
+def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return what the job's force and speed make of grip and lobe; the first rows matter most, for a low room."""
+    margin_n, span = grip_margin_n(job, machine), force_span(job, machine)
     width = min(width, _SPEED_WIDTH)
     source = text(f"source.{job.lobe_error_source}")
+    head = [
+        _fact(text("setup.grip"), f"{margin_n:.1f} N", width, Token.TEXT if margin_n >= 0 else Token.WARNING),
+        _window_line(span, job, text, width),
+        *([_window_bar(span, job, machine, width)] if height >= _ROWS_WITH_BAR else []),
+        *_wrench_lines(job, machine, text, width),
+    ]
     rows = (
-        (text("setup.grip"), f"{margin_n:.1f} N", Token.TEXT if margin_n >= 0 else Token.WARNING),
         (text("setup.loss"), f"{centrifugal_loss_n(job, machine):.1f} N", Token.TEXT),
         (text("setup.lobe"), f"{job.lobe_frequency_hz:.1f} Hz", Token.TEXT),
         (text("setup.error"), f"{job.lobe_error_um_pp:.1f} um", Token.TEXT),
         (text("setup.error_at", source=source), f"{job.error_force_n:.1f} N", Token.TEXT),
     )
-    label = min(_SPEED_LABEL, max(width - 10, 0))
-    return [fact(name, value, width, label_width=label, token=token) for name, value, token in rows]
+    return [*head, *(_fact(name, value, width, token) for name, value, token in rows)]
 
 
-def finding_lines(findings: Sequence[Finding], text: Catalogue, width: int, height: int) -> list[Line]:
-    """Return what does not hold, then the warnings, then how many rules hold, and which if there is room."""
+def _fact(name: str, value: str, width: int, token: Token) -> Line:
+    """A longer value takes cells of its label."""
+    label = min(_SPEED_LABEL, max(width - max(10, cell_len(value) + 1), 0))
+    return fact(name, value, width, label_width=label, token=token)
+
+
+def _window_line(span: ForceSpan, job: Job, text: Catalogue, width: int) -> Line:
+    """The forces that will do; the label says where that of the job stands."""
+    least_n, most_n = span.whole_n
+    stands = span.stands(job.chucking_force_n)
+    token = Token.OK if stands is Stands.INSIDE else Token.WARNING
+    return _fact(text(f"setup.window.{stands}"), f"{least_n} … {most_n} N", width, token)
+
+
+def _window_bar(span: ForceSpan, job: Job, machine: MachineProfile, width: int) -> Line:
+    """The same on a scale from nothing to the most that the chuck gives; a force beyond it stands at its end."""
+    ends = "0 ├", f"┤ {machine.chuck.max_force_n:.0f} N"
+    cells = width - sum(cell_len(end) for end in ends)
+    if cells < ENTRY_WIDTH:
+        return BLANK
+    last_n = machine.chuck.max_force_n / cells
+    low, high, at = (
+        int(min(force_n / last_n, cells - 1)) for force_n in (span.least_n, span.most_n, job.chucking_force_n)
+    )
+    bar = "".join("●" if cell == at else "■" if low <= cell <= high else "─" for cell in range(cells))
+    return line(dim(ends[0]), bar, dim(ends[1]))
+
+
+def _wrench_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int) -> list[Line]:
+    """The torque for the force, and how sure the force then is, one sd; nothing without a line of the wrench."""
+    wrench = holding_of(machine).wrench
+    if wrench is None:
+        return []
+    torque_n_m = torque_or_none_n_m(wrench, job.chucking_force_n)
+    if torque_n_m is None:
+        return [_fact(text("setup.wrench"), text("setup.no_torque"), width, Token.WARNING)]
+    words = f"{torque_n_m:.2f} N m ±{wrench_force_sd_n(job, machine):.0f} N"
+    return [_fact(text("setup.wrench"), words, width, Token.TEXT)]
+
+
+def finding_lines(
+    findings: Sequence[Finding], text: Catalogue, width: int, height: int, told: Sequence[Problem] = ()
+) -> list[Line]:
+    """Return what does not hold, then the warnings, then how many rules hold, and which if there is room.
+
+    `told` is what has to be known of the machine's calibrations: warnings that are no rules.
+    """
+    refused = [finding.problem for finding in findings if finding.severity is Severity.REFUSAL]
+    warned = [finding.problem for finding in findings if finding.severity is Severity.WARNING]
     lines: list[Line] = []
-    for severity, mark in ((Severity.REFUSAL, ("✗", Token.ALARM)), (Severity.WARNING, ("!", Token.WARNING))):
-        for finding in findings:
-            if finding.severity is severity:
-                sentence = wrapped(text.problem(named(finding.problem, text)), width - 2)
-                lines += [line(mark if row == 0 else " ", " ", *pieces) for row, pieces in enumerate(sentence)]
+    for problems, mark in ((refused, ("✗", Token.ALARM)), ((*warned, *told), ("!", Token.WARNING))):
+        for problem in problems:
+            sentence = wrapped(text.problem(named(problem, text)), width - 2)
+            lines += [line(mark if row == 0 else " ", " ", *pieces) for row, pieces in enumerate(sentence)]
     held = [finding for finding in findings if finding.severity is Severity.OK]
     room = max(height - 1, 0)
     if len(lines) > room:
@@ -118,6 +173,8 @@ def _as_fit(names: list[str], rows: int, text: Catalogue) -> list[str]:
     if len(names) <= rows:
         return names
     kept = names[: max(rows - 1, 0)]
+    if not kept:
+        return []
     return [*kept, text("setup.more_hold", count=len(names) - len(kept))]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from drivers.pmac.requests import Request
 from drivers.pmac.trajectory.pieces import Piece, Vector
@@ -13,8 +13,7 @@ SAME_COUNTS = 1e-6
 """Motions that differ by less are the same but for rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class Step(NamedTuple):
     """One request of a program with its motion, from `begins_ms` to `ends_ms`; the motors are then `at` (counts).
 
     `line` is that of `program`, `main_line` that of the program that was started, which may have called it.

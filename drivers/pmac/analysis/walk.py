@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum, auto
+from typing import NamedTuple
 
 from drivers.pmac.analysis.endless import Circle, EndlessWatch, Turning
 from drivers.pmac.analysis.loops import Name, find_loops, way_out
@@ -150,8 +151,7 @@ class WatchedVariables(VariableStore):
             self.written[kind, index, system] = value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Taken:
+class _Taken(NamedTuple):
     """A request, and where the program stood when it was calculated."""
 
     program: int
@@ -221,6 +221,7 @@ class _Walker:
             text, variables, self._positions(self._definitions, self._start), self._written is not None
         )
         self._planner = MotionPlanner(self._run, self._definitions, variables, self._start)
+        self._segment_index = variables.dialect.index(Setting.SEGMENT_MS, 1)
         self._steps: list[Step] = []
         self._left: list[Left] = []
 
@@ -278,11 +279,12 @@ class _Walker:
 
     def _add(self, planned: Planned) -> None:
         before = self._steps[-1] if self._steps else None
-        begins_ms = before.ends_ms if before else 0.0
+        begins_ms = ends_ms = before.ends_ms if before else 0.0
         at = before.at if before else self._start
         if planned.pieces:
             last = planned.pieces[-1]
-            at = tuple(position_at(cubic, last.duration_ms) for cubic in last.cubics)
+            at = tuple([position_at(cubic, last.duration_ms) for cubic in last.cubics])
+            ends_ms += sum([piece.duration_ms for piece in planned.pieces])
         if planned.event is not None:
             at = self._carry_out(planned.event, at)
         taken = self._run.taken.popleft()
@@ -294,9 +296,9 @@ class _Walker:
             request=taken.request,
             planned=planned,
             by_move_time=taken.by_move_time,
-            segment_ms=self._variables.setting(Setting.SEGMENT_MS, 1),
+            segment_ms=self._variables.i(self._segment_index),
             begins_ms=begins_ms,
-            ends_ms=begins_ms + sum(piece.duration_ms for piece in planned.pieces),
+            ends_ms=ends_ms,
             at=at,
         )
         self._steps.append(step)

@@ -66,7 +66,7 @@ class Blend:
 
 def at_rest(position: Vector) -> Blend:
     """Return the state of motors that stand at `position` (counts)."""
-    return Blend(target=position, velocity=tuple(0.0 for _ in position), room_ms=0.0, at_rest=True)
+    return Blend(target=position, velocity=(0.0,) * len(position), room_ms=0.0, at_rest=True)
 
 
 def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing:
@@ -96,11 +96,11 @@ def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing
 def lay(blend: Blend, move: LinearMove, limits: Limits) -> tuple[tuple[Piece, ...], Blend, Timing]:
     """Blend into `move`: return the pieces up to the end of that ramp, the new state and the timing used."""
     timing = effective_timing(move, blend.velocity, limits)
-    velocity = tuple(distance / timing.tm_ms for distance in move.distance)
+    velocity = tuple([distance / timing.tm_ms for distance in move.distance])
     ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
     pieces = _change_velocity(blend, velocity, ta_ms, ts_ms)
     after = Blend(
-        target=tuple(t + d for t, d in zip(blend.target, move.distance, strict=True)),
+        target=tuple([t + d for t, d in zip(blend.target, move.distance, strict=True)]),
         velocity=velocity,
         room_ms=timing.tm_ms - 0.5 * ta_ms,
         at_rest=False,
@@ -123,7 +123,7 @@ def stop(blend: Blend, ta_ms: float, ts_ms: float, limits: Limits) -> tuple[Piec
     """
     if blend.at_rest:
         return ()
-    still = tuple(0.0 for _ in blend.velocity)
+    still = (0.0,) * len(blend.velocity)
     timing = effective_timing(
         LinearMove(distance=still, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=0.0), blend.velocity, limits
     )
@@ -140,9 +140,9 @@ def _change_velocity(
     half_ms = 0.5 * ta_ms
     run_ms = blend.room_ms - half_ms
     pairs = tuple(zip(blend.target, blend.velocity, strict=True))
-    start = tuple(t - v * half_ms for t, v in pairs)
+    start = tuple([t - v * half_ms for t, v in pairs])
     ramps = ramp(start, blend.velocity, velocity, ta_ms, ts_ms, calculates)
     if run_ms <= 0.0:
         return ramps
-    run = constant(tuple(t - v * blend.room_ms for t, v in pairs), blend.velocity, run_ms)
+    run = constant(tuple([t - v * blend.room_ms for t, v in pairs]), blend.velocity, run_ms)
     return (run, *ramps)

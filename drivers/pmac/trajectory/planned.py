@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, LinearRequest, PresetRequest
@@ -13,8 +14,7 @@ Event = HomeRequest | PresetRequest | Halt
 """What the owner of the motors has to carry out between two moves."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MoveRecord:
+class MoveRecord(NamedTuple):
     """What was asked and what is done with it; `timing` is None for moves that are done as asked.
 
     `asked` of a RAPID move is the time of its slowest motor, before acceleration is added.
@@ -26,8 +26,7 @@ class MoveRecord:
     timing: Timing | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Planned:
+class Planned(NamedTuple):
     """The pieces that one look at the program gave; `finished` when nothing follows them.
 
     An `event` is carried out when the pieces have been played; then `MotionPlanner.relocate` and
@@ -48,7 +47,12 @@ def blended_record(line: int, target: Vector, move: LinearMove, timing: Timing) 
 
 def plain_record(line: int, target: Vector, tm_ms: float) -> MoveRecord:
     """Return the record of a move that is done in the time that was asked for."""
-    return MoveRecord(line=line, target=target, asked=Timing(ta_ms=0.0, ts_ms=0.0, tm_ms=tm_ms), timing=None)
+    return MoveRecord(line=line, target=target, asked=_plain(tm_ms), timing=None)
+
+
+@lru_cache(maxsize=8)  # a program has thousands of segments, and they all take as long
+def _plain(tm_ms: float) -> Timing:
+    return Timing(ta_ms=0.0, ts_ms=0.0, tm_ms=tm_ms)
 
 
 def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Piece, ...]:
@@ -56,7 +60,7 @@ def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Pi
     if not deferred:
         return pieces
     begin = next((k for k, piece in enumerate(pieces) if piece.calculates), 0)
-    return (*pieces[:begin], replace(pieces[begin], deferred=deferred), *pieces[begin + 1 :])
+    return (*pieces[:begin], pieces[begin]._replace(deferred=deferred), *pieces[begin + 1 :])
 
 
 def circle_time_ms(request: CircleRequest, length: float) -> float:

@@ -184,7 +184,7 @@ class MotionPlanner:
             case BlendBreak():
                 return self._dwell(0.0)
             case HomeRequest() | PresetRequest() | Halt():
-                return replace(self._dwell(0.0), event=request)
+                return self._dwell(0.0)._replace(event=request)
             case Finished():
                 return Planned(pieces=self._rest(), finished=True)
 
@@ -265,7 +265,7 @@ class MotionPlanner:
         self._after_break = True
         # Never less than one real-time interrupt, or a loop without moves would never let go of the time.
         wait_ms = max(duration_ms, 0.0 if pieces and not deferred else self._interrupt_ms())
-        waits = [replace(wait, real_time=True, deferred=deferred) for wait in self._wait(wait_ms)]
+        waits = [wait._replace(real_time=True, deferred=deferred) for wait in self._wait(wait_ms)]
         return Planned(pieces=(*pieces, *waits))
 
     def _lead_blended(self) -> tuple[Piece, ...]:

@@ -9,7 +9,7 @@ its own segment and its two neighbours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from drivers.pmac.trajectory.pieces import Piece, Vector, hermite
 
@@ -83,4 +83,4 @@ def end(spline: Spline) -> tuple[Piece, ...]:
     duration_ms = spline.duration_ms
     last, rest = add(spline, spline.point, duration_ms, duration_ms)
     still, _ = add(rest, spline.point, duration_ms, duration_ms)
-    return replace(last, calculates=False), replace(still, calculates=False)
+    return last._replace(calculates=False), still._replace(calculates=False)

@@ -1,36 +1,25 @@
-"""What a cut asks of the spindle: Kienzle's main cutting force at the radius of the part."""
+"""What a cut asks of spindle and tool: the main force of the law by which it is predicted, at the true edge."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from profiles.cutting import cutting_force
 from profiles.job import Job
+from profiles.materials import MATERIALS, Material, material_or_none
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Material:
-    """Kienzle's specific force for a chip of 1 mm x 1 mm, and how it grows with thinner ones."""
-
-    specific_n_per_mm2: float
-    chip_exponent: float
-
-
-ALUMINIUM = Material(specific_n_per_mm2=700.0, chip_exponent=0.25)
-_STEEL = Material(specific_n_per_mm2=1500.0, chip_exponent=0.22)
-_STAINLESS = Material(specific_n_per_mm2=2150.0, chip_exponent=0.20)
-
-_MATERIALS = {"steel": _STEEL, "carbon steel": _STEEL, "stainless": _STAINLESS, "stainless steel": _STAINLESS}
-"""After VDI 3323. Whatever else a job names is cut as wrought aluminium, that does not harden."""
+ALUMINIUM = MATERIALS[0]
+"""Wrought, not hardenable: what is cut where a job names a material of which nothing is known."""
 
 
 def material_of(job: Job) -> Material:
     """Return what the part of a job really is."""
-    return _MATERIALS.get(job.material.strip().lower(), ALUMINIUM)
+    return material_or_none(job.material) or ALUMINIUM
 
 
-def cutting_force_n(depth_mm: float, feed_mm_per_rev: float, material: Material = ALUMINIUM) -> float:
-    """Return kc b h^(1 - m) of a tool that stands square to the axis."""
-    return float(material.specific_n_per_mm2 * depth_mm * feed_mm_per_rev ** (1.0 - material.chip_exponent))
+def cutting_force_n(
+    depth_mm: float, feed_mm_per_rev: float, material: Material = ALUMINIUM, edge_n_per_mm: float = 0.0
+) -> float:
+    """Return the main force on a tool that stands square to the axis; `edge_n_per_mm` is that on no chip."""
+    return cutting_force(material, depth_mm, feed_mm_per_rev, edge_n_per_mm=edge_n_per_mm).main_n
 
 
 def cutting_torque_n_m(job: Job) -> float:

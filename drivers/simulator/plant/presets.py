@@ -1,7 +1,8 @@
 """Named plants: files that say by how much the iron of a lathe is not what its machine profile says.
 
 A plant is bundled (`ideal`, `paper`, `realistic`), `mounted` (the ideal one, set up by hand), or a file of the
-same keys, whose path ends in `.toml`. Keys may stand in any tables; factors are on the values of the profile.
+same keys, whose path ends in `.toml`. Keys may stand in any tables; factors are on the values of the profile. A
+mass, damping or thrust of the tool may be said itself, in the place of a factor.
 """
 
 from __future__ import annotations
@@ -25,9 +26,16 @@ PLANTS = ("ideal", MOUNTED, "paper", "realistic")
 
 SEEDS = 2**32
 
+INSTEAD_OF = {"mass_kg": "mass_factor", "thrust_n_per_v": "thrust_factor"}
+"""Keys that say a value itself, each with the factor beside which it cannot stand."""
+
 
 def _factor(key: str, table: str) -> Field:
     return Field(key=key, table=table, default=1.0, above=0.0, at_most=10.0)
+
+
+def _itself(key: str, unit: str, at_most: float) -> Field:
+    return Field(key=key, table="tool", unit=unit, above=0.0, at_most=at_most, optional=True)
 
 
 def _amount(key: str, table: str, unit: str, at_most: float) -> Field:
@@ -39,6 +47,9 @@ PLANT_FIELDS = (
     Field(key="source", kind=Kind.TEXT, default=""),
     _factor("mass_factor", "tool"),
     _factor("thrust_factor", "tool"),
+    _itself("mass_kg", "kg", 1000.0),
+    _itself("damping_n_s_per_m", "N s/m", 100_000.0),
+    _itself("thrust_n_per_v", "N/V", 100_000.0),
     _amount("coulomb_friction_n", "tool", "N", 100.0),
     _amount("current_lag_ms", "tool", "ms", 10.0),
     _amount("encoder_noise_um", "tool", "um", 10.0),
@@ -81,20 +92,14 @@ def plant_named(
 
     Raises:
         ProfileError: `plant.unknown`, no such name; those of a file that cannot be read or has wrong keys;
-            `value.out_of_range`, a friction of more than all damping.
+            `key.instead_of`, a value and the factor in whose place it stands; `value.out_of_range`, a friction of
+            more than all damping.
     """
     by_hand = mounted_by_hand or name_or_path == MOUNTED
     values, where = _values("ideal" if name_or_path == MOUNTED else name_or_path)
     drawn = SystemRandom().randrange(SEEDS) if seed is None else seed
-    nominal = ideal(machine)
-    try:
-        iron = replace(_changed(nominal, values), seed=drawn, clamping_force_spread=clamping_sd_percent / 100.0)
-    except ValueError:
-        limit, value = f"<= {nominal.most_friction_n:.4g} N", f"{values['coulomb_friction_n']:g} N"
-        key = "coulomb_friction_n"
-        raise ProfileError(
-            Problem(code="value.out_of_range", where=where, key=key, value=value, limit=limit)
-        ) from None
+    iron = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
+    iron = replace(iron, seed=drawn, clamping_force_spread=clamping_sd_percent / 100.0)
     return set_up_by_hand(iron, machine, Random(drawn)) if by_hand else iron
 
 
@@ -113,18 +118,34 @@ def _values(name_or_path: str) -> tuple[Mapping[str, Any], str]:
     if refusal := schema_problem(leaves, where=where):
         raise ProfileError(refusal)
     values, found = read_fields(PLANT_FIELDS, leaves, where=where)
+    found += [
+        Problem(code="key.instead_of", where=where, key=key, value=factor)
+        for key, factor in INSTEAD_OF.items()
+        if key in leaves and factor in leaves
+    ]
     if problems or found:
         raise ProfileError(*problems, *found)
     return values, where
+
+
+def _with_friction(true: TrueParameters, friction_n: float, where: str) -> TrueParameters:
+    """Return the iron with so much of its damping dry; a file `where` that asks for more than all is refused."""
+    try:
+        return replace(true, coulomb_friction_n=friction_n)
+    except ValueError:
+        limit, value, key = f"<= {true.most_friction_n:.4g} N", f"{friction_n:g} N", "coulomb_friction_n"
+        raise ProfileError(
+            Problem(code="value.out_of_range", where=where, key=key, value=value, limit=limit)
+        ) from None
 
 
 def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
     growth_percent = values["lobe_growth_percent_per_mm"]
     return replace(
         nominal,
-        moving_mass_kg=values["mass_factor"] * nominal.moving_mass_kg,
-        force_n_per_v=values["thrust_factor"] * nominal.force_n_per_v,
-        coulomb_friction_n=values["coulomb_friction_n"],
+        moving_mass_kg=values["mass_kg"] or values["mass_factor"] * nominal.moving_mass_kg,
+        damping_n_s_per_m=values["damping_n_s_per_m"] or nominal.damping_n_s_per_m,
+        force_n_per_v=values["thrust_n_per_v"] or values["thrust_factor"] * nominal.force_n_per_v,
         current_lag_s=values["current_lag_ms"] / 1000.0,
         encoder_noise_um=values["encoder_noise_um"],
         commutation_error_deg=values["commutation_error_deg"],

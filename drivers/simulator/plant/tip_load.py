@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.simulator.plant.cutting_force import Material, cutting_force_n
+from drivers.simulator.plant.cutting_force import cutting_force_n
 from drivers.simulator.plant.radial_error import RadialError
+from profiles.materials import Material
 
 CELLS = 360
 """Places round the part in which the surface is known."""
@@ -49,10 +50,10 @@ class Stock:
     edge_n_per_mm: float
 
     def passive_n_per_mm(self, feed_mm_per_turn: float) -> float:
-        """Return the force on the tool for each mm of depth, N: share (kc f^(1 - m) + edge); none without feed."""
+        """Return the force on the tool for each mm of depth, N: share of the main one; none without feed."""
         if feed_mm_per_turn <= 0.0:
             return 0.0
-        return self.share * (cutting_force_n(1.0, feed_mm_per_turn, self.material) + self.edge_n_per_mm)
+        return self.share * cutting_force_n(1.0, feed_mm_per_turn, self.material, self.edge_n_per_mm)
 
 
 class TipLoad:

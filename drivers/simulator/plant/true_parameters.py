@@ -44,8 +44,8 @@ class TrueParameters:
     scale of the tool reads up to `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of
     `encoder_noise_um` (rms, Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
 
-    The cut presses the tool out by `passive_share` of the main cutting force and of `edge_n_per_mm` along the
-    edge; 0 is a cut without force on the tool.
+    The cut presses the tool out by `passive_share` of the main cutting force, with `edge_n_per_mm` along the edge
+    on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
 
     `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
     is a chuck that was mounted as each job says, with jaw 1 at `jaw_offset_deg` behind the angle of the job. A

@@ -1,0 +1,42 @@
+"""How hard a job must and may be clamped, for people and for JSON: the same wherever a command judges a job."""
+
+from __future__ import annotations
+
+from console.text.catalogue import Catalogue
+from profiles.chucking.advice import force_span
+from profiles.chucking.holding import holding_of
+from profiles.chucking.job_grip import wrench_force_sd_n
+from profiles.chucking.wrench import torque_or_none_n_m
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+
+def span_fields(job: Job, machine: MachineProfile) -> dict[str, float | str]:
+    """Return least and most force at rest, N, the limit of the most, and where the force of the job stands."""
+    span = force_span(job, machine)
+    return {
+        "force_least_n": span.least_n,
+        "force_most_n": span.most_n,
+        "force_limit": span.binding,
+        "force_stands": span.stands(job.chucking_force_n).value,
+    }
+
+
+def span_words(job: Job, machine: MachineProfile, text: Catalogue) -> str:
+    """Return the span in whole newtons, with the limit at which it ends."""
+    span = force_span(job, machine)
+    least_n, most_n = span.whole_n
+    return f"{least_n} … {most_n} N ({text(f'clamp_limit.{span.binding}')})"
+
+
+def force_words(job: Job, machine: MachineProfile, text: Catalogue) -> str:
+    """Return a sentence of the force of a job: how sure it is, its torque where there is one, and the span."""
+    wrench = holding_of(machine).wrench
+    torque_n_m = None if wrench is None else torque_or_none_n_m(wrench, job.chucking_force_n)
+    return text(
+        "clamping.force" if torque_n_m is None else "clamping.force_and_torque",
+        force=f"{job.chucking_force_n:.0f}",
+        sd=f"{wrench_force_sd_n(job, machine):.0f}",
+        torque="" if torque_n_m is None else f"{torque_n_m:.2f}",
+        span=span_words(job, machine, text),
+    )

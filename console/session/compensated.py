@@ -1,0 +1,87 @@
+"""A cut with what was learned: which path it is where jaw 1 was found, and why it may not be cut like that.
+
+A version is kept with jaw 1 where the file of its job has it. The chuck may be mounted otherwise: the path is
+turned by as much as the lobe is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from console.session.learned_store import asked_for, versions
+from console.session.stages import FOLLOWING, Stage, staged
+from console.session.work import Work
+from drivers.cut import Strategy
+from profiles.compensation import CutPath
+from profiles.job import Job
+from profiles.learned import LearnedCompensation, differences
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProblemError
+from profiles.store import LoadedJob, LoadedMachine
+
+
+def path_of(
+    job: Job,
+    filed: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    stage: Stage,
+    compensation: LearnedCompensation | None,
+) -> CutPath | None:
+    """Return the path of a cut, None as for `plan_cut`; `job` is `filed` with jaw 1 where it was found.
+
+    Raises:
+        ProblemError: as `staged`.
+    """
+    learned = None
+    if compensation is not None:
+        learned = compensation.path.turned(job.lobe_phase_deg - filed.lobe_phase_deg)
+    return staged(job, machine, strategy, stage, learned)
+
+
+def compensation_problems(
+    compensation: LearnedCompensation | None,
+    loaded: LoadedJob | None,
+    machine: LoadedMachine,
+    strategy: Strategy,
+    stage: Stage,
+    *,
+    simulated: bool,
+) -> tuple[Problem, ...]:
+    """Return why a part may not be cut with this compensation, None the model, in this stage.
+
+    `loaded` is the file of the job, None for one that was edited: codes `learned.edited`, those of `differences`,
+    and `stage.strategy`.
+    """
+    problems: list[Problem] = []
+    if compensation is not None and loaded is None:
+        problems.append(Problem(code="learned.edited", key=str(compensation.version)))
+    elif compensation is not None and loaded is not None:
+        problems += differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
+    if stage is Stage.PARTIAL and strategy not in FOLLOWING:
+        limit = " | ".join(FOLLOWING)
+        problems.append(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
+    return tuple(problems)
+
+
+def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
+    """Return why the job in hand may not be cut with the compensation and the stage that were chosen."""
+    return compensation_problems(
+        work.compensation,
+        None if work.edited else work.loaded,
+        work.machine,
+        Strategy(work.strategy),
+        Stage(work.stage),
+        simulated=simulated,
+    )
+
+
+def stored_problems(compensation: LearnedCompensation, data: Path) -> tuple[Problem, ...]:
+    """Return why a version is not what is on the disk: `learned.file_changed`, or what is wrong with a file."""
+    try:
+        known = versions(data, compensation.holds_for)
+    except ProblemError as error:
+        return tuple(error.problems)
+    if compensation in known:
+        return ()
+    return (Problem(code="learned.file_changed", key=str(compensation.version)),)

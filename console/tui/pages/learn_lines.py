@@ -1,0 +1,86 @@
+"""What the panel Learn of the page Inspect says: what a part teaches of the next, or why nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from console.session.lessons import LeftWave, Taught
+from console.session.part_lesson import PartLesson
+from console.session.stages import Stage
+from console.session.work import Work
+from console.text.catalogue import Catalogue
+from console.tui.lines import Line, wrapped
+from console.tui.pages.made_words import chosen_words, made_words
+from console.tui.theme import Token
+from profiles.graduated import expected
+
+
+def learn_title(lesson: PartLesson, text: Catalogue) -> str:
+    """Return the title: how the part was cut."""
+    made = lesson.made
+    return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
+
+
+def learn_lines(lesson: PartLesson, work: Work | None, text: Catalogue, width: int, height: int) -> list[Line]:
+    """Return what the part teaches, or why nothing: each wave, gain, convergence, and what the next cut uses."""
+    lines: list[Line] = []
+    for problem in lesson.reasons:
+        lines += wrapped("! " + text.problem(problem), width, Token.WARNING)
+    taught = lesson.taught
+    if taught is not None:
+        if taught.stage is Stage.PARTIAL:
+            lines += wrapped(_half_words(taught, text), width, Token.STRONG)
+        lines += wrapped(_wave_words(taught, text), width, Token.STRONG)
+        lines += wrapped(" · ".join(_facts(taught, work, text)), width)
+        if in_scatter(taught):
+            scatter = f"{taught.lesson.expected_half_width_um_pp:.2f}"
+            lines += wrapped("! " + text("inspect_page.in_scatter", scatter=scatter), width, Token.WARNING)
+        for problem in taught.warnings:
+            lines += wrapped("! " + text.problem(problem), width, Token.WARNING)
+    return lines[: max(height, 0)]
+
+
+def is_kept(lesson: PartLesson | None, work: Work | None) -> bool:
+    """Whether the next cut uses what this part teaches."""
+    used = None if work is None else work.compensation
+    if lesson is None or lesson.taught is None or used is None:
+        return False
+    return used == replace(lesson.taught.lesson.next, version=used.version)
+
+
+def in_scatter(taught: Taught) -> bool:
+    """Whether the lobe that is wrong is smaller than what clamping and gauge scatter."""
+    lobe = taught.lesson.next.path.wanted.lobes
+    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.waves if each.waves == lobe]
+    return max(wrong, default=0.0) < taught.lesson.expected_half_width_um_pp
+
+
+def _half_words(taught: Taught, text: Catalogue) -> str:
+    part = taught.lesson.next.part
+    whole_um_pp = 0.0 if part is None else 2.0 * part.wanted.amplitude_um / taught.stage.share
+    left = expected(whole_um_pp, taught.stage.share)
+    return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
+
+
+def _wave_words(taught: Taught, text: Catalogue) -> str:
+    lobe = taught.lesson.next.path.wanted.lobes
+    scatter = f" ± {taught.lesson.expected_half_width_um_pp:.2f}"
+    words = [_wave(each, scatter if each.waves == lobe else "", text) for each in taught.waves]
+    return text("inspect_page.left", waves=" · ".join(words))
+
+
+def _wave(wave: LeftWave, scatter: str, text: Catalogue) -> str:
+    next_one = f"→ {wave.expected_um_pp:.2f}{scatter}" if wave.learned else text("inspect_page.noise")
+    return f"{wave.waves}/rev {wave.left_um_pp:.2f} {next_one}"
+
+
+def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
+    lesson = taught.lesson
+    facts = [f"{text('learned.gain')} {lesson.next.gain:g}"]
+    if lesson.contraction is not None:
+        found = lesson.contraction
+        factor = f"x{found.value:.2f} ± {found.half_width:.2f}"
+        facts.append(f"{text(f'inspect_page.verdict.{found.verdict}')} {factor}")
+    if work is not None:
+        facts.append(text("inspect_page.next_cut_with", made=chosen_words(text, work)))
+    return facts

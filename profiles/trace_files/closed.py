@@ -1,0 +1,90 @@
+"""What the formats of surface texture have in common: one profile at equal steps, taken as one closed turn.
+
+None of them has a word for closed profiles, start marks or directions: heights are along a line. Such a profile is
+taken as one turn, so that its length, the number of points times the step, is the circumference. The phase stays
+unknown, and so does the size: the heights are from any zero.
+
+Problem codes: `trace.format`; `trace.not_number`, `trace.not_finite` and `trace.out_of_range` with their line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
+from profiles.trace_files.dialect import Dialect
+from profiles.trace_files.table import FEWEST_POINTS, LARGEST_DEVIATION_UM
+
+MOST_POINTS = 10_000_000
+UM_PER_M = 1e6
+ABOVE_ZERO = math.ulp(0.0)
+"""The least number that a step or a scale may be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClosedProfile:
+    """Deviations in um at equal angles, and the radius in mm that the step implies (None without a step).
+
+    `format` is what the file is called by people.
+    """
+
+    format: str
+    deviation_um: list[float]
+    radius_mm: float | None
+
+
+def closed(kind: str, deviation_um: list[float], points: float, step_m: float, where: str) -> ClosedProfile:
+    """Return a profile of as many points as its file says it has; a `step_m` of 0 is none.
+
+    Raises:
+        ProfileError: `trace.format`, there are more or fewer.
+    """
+    if len(deviation_um) != points:
+        raise unusable(where, f"{kind}: points", f"{len(deviation_um)}", f"{points:g}")
+    radius_mm = 1000.0 * points * step_m / (2.0 * math.pi)
+    return ClosedProfile(format=kind, deviation_um=deviation_um, radius_mm=radius_mm or None)
+
+
+def point_count(stated: str, key: str, where: str) -> float:
+    """Return a number of points that a trace may have."""
+    return number(stated, key, where, FEWEST_POINTS, MOST_POINTS)
+
+
+def number(stated: str, key: str, where: str, least: float, most: float) -> float:
+    """Return a number of a file's head that is within bounds.
+
+    Raises:
+        ProfileError: `trace.format`, it is none, or out of bounds.
+    """
+    value, code = Dialect(",").number(stated)
+    if code or not least <= value <= most:
+        raise unusable(where, key, stated, f"{least:g} - {most:g}")
+    return value
+
+
+def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float) -> list[float]:
+    """Return heights in um of cells, each with where it stands.
+
+    Raises:
+        ProfileError: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.
+    """
+    dialect, found = Dialect(","), []
+    for place, cell in cells:
+        value, code = dialect.number(cell)
+        value_um = value * um_per_unit
+        if code or abs(value_um) > LARGEST_DEVIATION_UM:
+            limit = f"<= {LARGEST_DEVIATION_UM:g} um"
+            code, shown = code or "trace.out_of_range", printable(cell, 60) or '""'
+            raise ProfileError(Problem(code=code, where=place, key="Z", value=shown, limit=limit))
+        found.append(value_um)
+    return found
+
+
+def unusable(where: str, key: str, value: str, limit: str) -> ProfileError:
+    """Return the refusal of a field that cannot be used."""
+    return ProfileError(
+        Problem(code="trace.format", where=where, key=key, value=printable(value, 60) or "-", limit=limit)
+    )

@@ -1,0 +1,196 @@
+"""The operator's loop: cut, measure, accept, cut again, and back; with the files and records of the commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.session.errors import SessionError
+from console.session.intents import Arm, ConfirmClamping, Disarm, Measure, Start, SwitchOff, SwitchOn
+from console.session.learned_store import asked_for, store
+from console.session.made_parts import parts_made
+from console.session.part_lesson import PartLesson, accept, lesson_of, revert
+from console.session.progress import CutStage
+from console.session.stages import Stage, nominal_path
+from console.session.state import Armed, MeasuredPart, StationState
+from drivers.cut import Strategy
+from profiles.learned import LearnedCompensation, model_again
+from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
+from profiles.traces import Trace, write_trace
+from tests.console.floor import Floor, open_floor
+from tests.system.lathe_sites import compact_text
+
+Console = Callable[..., Any]
+SEED = 11
+
+
+@dataclass(kw_only=True)
+class Shop:
+    """A lathe that is off its profile, and a job on it, with the folder of its operator."""
+
+    floor: Floor
+    job: LoadedJob
+    machine: LoadedMachine
+    data: Path
+
+    def order(self, **more: Any) -> StationState:
+        """Arm the job as it is filed, with `cam`."""
+        known = {"job": self.job.job, "job_sha256": self.job.sha256, "strategy": Strategy.CAM, "loaded": self.job}
+        return self.floor.do(Arm(**{**known, **more}))
+
+    def armed(self, **more: Any) -> Armed:
+        state = self.order(**more)
+        assert state.armed is not None, state.refusals
+        return state.armed
+
+    def part(self, **more: Any) -> MeasuredPart:
+        """Cut and measure a fresh blank, with what is known of jaw 1 and touch-off."""
+        self.clamp()
+        self.armed(**more)
+        self.floor.do(Start())
+        measured = self.floor.do(Measure()).measured
+        assert measured is not None, self.floor.state.refusals
+        return measured
+
+    def clamp(self) -> None:
+        self.floor.do(SwitchOff())
+        self.floor.do(ConfirmClamping(job=self.job.job))
+        self.floor.do(SwitchOn())
+
+    def refused(self, **more: Any) -> list[str]:
+        state = self.order(**more)
+        assert state.armed is None
+        return [problem.code for problem in state.refusals]
+
+
+def opened_shop(data: Path, job: LoadedJob, machine: LoadedMachine, turned_deg: float = 0.0) -> Shop:
+    floor = open_floor(data, SEED, "realistic", machine, turned_deg)
+    floor.set_up(job.job)
+    return Shop(floor=floor, job=job, machine=machine, data=data)
+
+
+@pytest.fixture
+def shop(tmp_path: Path, job_file: Callable[..., Path], data_folder: Path) -> Shop:
+    lathe = tmp_path / "lathe.toml"
+    lathe.write_text(compact_text("pmac"), encoding="utf-8")
+    job = load_job(str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")))
+    return opened_shop(data_folder / "trilobe", job, load_machine(str(lathe)))
+
+
+def lobe_um_pp(part: MeasuredPart) -> float:
+    return 2.0 * part.result.amplitude_um(3)
+
+
+def lesson(part: MeasuredPart) -> PartLesson:
+    assert part.lesson is not None
+    return part.lesson
+
+
+def learned(shop: Shop) -> LearnedCompensation:
+    """A first version: the model itself."""
+    asked = asked_for(shop.job, shop.machine, Strategy.CAM, simulated=True)
+    path = nominal_path(shop.job.job, shop.machine.machine, Strategy.CAM)
+    version = model_again(asked, path, 1, "2026-01-02T08:52:00.000Z")
+    store(shop.data, version)
+    return version
+
+
+def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
+    shop: Shop, console: Console, tmp_path: Path
+) -> None:
+    first = shop.part()
+    one = accept(lesson(first), shop.data)
+    with pytest.raises(SessionError, match=r"learned\.accepted"):
+        accept(lesson(first), shop.data)
+
+    # The chuck comes to stand 25 deg further on: what was learned goes with it, and so does what is learned next.
+    turned = opened_shop(shop.data, shop.job, shop.machine, turned_deg=25.0)
+    second = turned.part(compensation=one)
+    assert (second.jaw_1_deg - first.jaw_1_deg) % 360.0 == pytest.approx(25.0, abs=0.5)
+    assert lobe_um_pp(second) < 3.5 < 7.0 < lobe_um_pp(first)
+    two = accept(lesson(second), shop.data)
+    assert (two.version, two.parent, two.gain) == (2, 1, 0.7)
+    assert two.path.wanted.crest_deg == pytest.approx(one.path.wanted.crest_deg, abs=1.0)
+
+    # The commands learn the same of it, by what the record says of a cut on the screen.
+    trace = tmp_path / "second.csv"
+    write_trace(trace, second.trace)
+    of_job = ("--job", str(shop.job.path), "--machine", str(shop.machine.path))
+    said = console("learn", str(trace), *of_job, "--json").json
+    made = {"compensation": "1", "strategy": "cam", "stage": "full", "inverted": "model"}
+    assert said["cut_with"] == {**made, "cut_jaw_1_deg": str(second.jaw_1_deg)}
+    assert said["next"]["path"]["wanted"]["crest_deg"] == pytest.approx(two.path.wanted.crest_deg, abs=1e-3)
+
+    # Back, step by step, as the commands go: to the first version, then to the model.
+    three = revert(two, shop.job, shop.machine, shop.data, simulated=True)
+    four = revert(three, shop.job, shop.machine, shop.data, simulated=True)
+    with pytest.raises(SessionError, match=r"learned\.no_before"):
+        revert(four, shop.job, shop.machine, shop.data, simulated=True)
+    turned.clamp()
+    by_model, by_one = (turned.armed(compensation=each).plan.text for each in (None, one))
+    assert [turned.armed(compensation=each).plan.text for each in (four, three)] == [by_model, by_one]
+    assert by_model != by_one
+    known = console("learn", *of_job, "--list", "--sim", "--json").json["versions"]
+    steps = [(each["version"], each["parent"], each["reverts"]) for each in known]
+    assert steps == [(1, 0, None), (2, 1, None), (3, 0, 1), (4, 0, 0)]
+    assert all(each["holds"] for each in known)
+
+
+def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
+    one = learned(shop)
+    assert shop.armed(compensation=one).made.compensation == "1"
+    shop.floor.do(Disarm())
+    assert shop.refused(compensation=one, strategy=Strategy.TIMEBASE) == ["learned.strategy"]
+    assert shop.refused(compensation=one, loaded=None) == ["learned.edited"]
+    slower = replace(shop.job.job, depth_of_cut_mm=0.09)
+    assert shop.refused(compensation=one, job=slower) == ["learned.edited"]
+    assert shop.refused(compensation=one, loaded=replace(shop.job, sha256="f" * 64)) == ["learned.job_changed"]
+    real = replace(one, holds_for=replace(one.holds_for, simulated=False))
+    assert "learned.elsewhere" in shop.refused(compensation=real)
+    assert shop.refused(stage=Stage.PARTIAL, strategy=Strategy.PAPER) == ["stage.strategy"]
+    beyond = replace(one.path.wanted, amplitude_um=80.0)
+    (file,) = shop.data.glob("learned/**/version-*.json")
+    file.unlink()
+    assert shop.refused(compensation=one) == ["learned.file_changed"]
+    far = replace(one, path=replace(one.path, wanted=beyond))
+    store(shop.data, far)
+    assert shop.refused(compensation=one) == ["learned.file_changed"]
+    assert "path.beyond" in shop.refused(compensation=far)
+    file.write_text("{", encoding="utf-8")
+    assert shop.refused(compensation=one) == ["learned.file"]
+    assert shop.floor.state.stop is None
+
+
+def test_a_cut_in_air_leaves_the_blank_as_it_was(shop: Shop) -> None:
+    whole, half = (shop.armed(stage=stage).plan for stage in (Stage.FULL, Stage.PARTIAL))
+    assert half.wanted.amplitude_um == pytest.approx(0.5 * whole.wanted.amplitude_um)
+    air = shop.armed(stage=Stage.AIR).plan
+    # 1 mm and the depth of cut.
+    out_mm = (whole.setup.surface - air.setup.surface) / shop.machine.machine.tool.counts_per_mm
+    assert out_mm == pytest.approx(1.1, abs=1e-9)
+    state = shop.floor.do(Start())
+    assert state.cut is not None and (state.cut.stage, state.cut.in_air) == (CutStage.DONE, True)
+    assert (state.cut_done, state.marks_mm, state.stop) == (False, (), None)
+    shop.floor.do(Measure())
+    assert [problem.code for problem in shop.floor.state.refusals] == ["session.nothing_cut"]
+    asked = asked_for(shop.job, shop.machine, Strategy.CAM, simulated=True)
+    assert parts_made(shop.data, asked) == []
+    assert shop.armed(stage=Stage.PARTIAL).made.stage == "partial"
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [({"loaded": None}, "learned.edited_part"), ({"strategy": Strategy.NONE}, "learned.not_followed")],
+)
+def test_a_part_that_teaches_nothing_says_why(shop: Shop, change: dict[str, Any], code: str) -> None:
+    angle_deg = np.arange(360.0)
+    trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3.0 * angle_deg)), meta={"simulated": "yes"})
+    found = lesson_of(shop.armed(**change), trace, shop.machine, shop.data)
+    assert found.taught is None and [problem.code for problem in found.problems] == [code]
+    with pytest.raises(SessionError, match=code.replace(".", r"\.")):
+        accept(found, shop.data)

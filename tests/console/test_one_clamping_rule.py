@@ -1,0 +1,139 @@
+"""One answer to how hard a part must and may be clamped, in form, preview and arming; a measured wrench counts."""
+
+from __future__ import annotations
+
+import json
+import math
+import sqlite3
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.cli.clamping import span_fields, span_words
+from console.session.calibrated_chuck import calibrated
+from console.session.paths import machines_folder
+from console.session.work import opened
+from console.text.catalogue import load
+from console.tui.lines import plain
+from console.tui.pages.run_lines import summary_lines
+from console.tui.pages.setup_lines import speed_lines
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.rules import Severity, check
+from profiles.store import load_job, load_machine
+from tests.tui.page_stage import READY
+
+Console = Callable[..., Any]
+
+JOB = "lee-2001-experiment-1"
+LOADED, LATHE = load_job(JOB), load_machine("lee-2001-lathe")
+
+
+def form(job: Job, machine: MachineProfile) -> str:
+    return plain(speed_lines(job, machine, load("en"), 29, 7))
+
+
+def arming(job: Job) -> str:
+    work = replace(opened(LOADED, LATHE), job=job)
+    return plain(summary_lines(load("en"), READY, work, 0.0, 40))
+
+
+@given(
+    force_n=st.floats(100.0, 6000.0),
+    speed_rpm=st.floats(100.0, 3000.0),
+    wall_mm=st.floats(1.0, 26.0),
+    depth_mm=st.floats(0.02, 0.5),
+    material=st.sampled_from(["Al", "S45C", "unobtainium"]),
+)
+def test_form_preview_and_arming_say_the_same_of_any_job(
+    force_n: float, speed_rpm: float, wall_mm: float, depth_mm: float, material: str
+) -> None:
+    job = replace(
+        LOADED.job,
+        chucking_force_n=force_n,
+        spindle_speed_rpm=speed_rpm,
+        wall_thickness_mm=wall_mm,
+        depth_of_cut_mm=depth_mm,
+        material=material,
+    )
+    (rule,) = [f for f in check(job, LATHE.machine) if f.problem.code == "rule.clamp_span"]
+    said = span_fields(job, LATHE.machine)
+    least_n, most_n = said["force_least_n"], said["force_most_n"]
+    assert isinstance(least_n, float) and isinstance(most_n, float)
+    assert (rule.problem.value, rule.problem.limit) == (f"{least_n:.6g} N", f"<= {most_n:.6g} N")
+    assert (said["force_stands"] == "none") is (rule.severity is Severity.WARNING)
+    # In whole newtons that will do themselves.
+    words = f"{math.ceil(least_n)} … {math.floor(most_n)} N"
+    assert words in form(job, LATHE.machine)
+    assert words in span_words(job, LATHE.machine, load("en"))
+    inside = said["force_stands"] == "inside"
+    assert f"{'✓' if inside else '✗'} {words}" in arming(job)
+    assert ("force window ✓" in form(job, LATHE.machine)) is inside
+
+
+def wrench(folder: Path, off_n: float) -> str:
+    """Clampings at 200 N/(N m), at each torque one on the line and one on each side of it."""
+    rows = [f"{torque:g},{200 * torque + d:g}" for torque in (10, 20, 30, 40) for d in (-off_n, 0, off_n)]
+    path = folder / "wrench.csv"
+    path.write_text("\n".join(["torque_n_m,force_n", *rows]))
+    return str(path)
+
+
+def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
+    console: Console, data_folder: Path, close: tuple[str, str], job_file: Callable[..., Path], tmp_path: Path
+) -> None:
+    """Its scatter by hand: 400 N sqrt(8 / 11) are 341 N, 6.8 % of the 5000 N in its middle, and no more 5 %.
+
+    And its line: at 6.57 N m it is sure to 341 N x 6.57 / sqrt(sum Tq^2), all by one standard deviation.
+    """
+    job = job_file(cut_length_mm="0.5")
+    kept = console("calibrate", "chuck", wrench(tmp_path, 400.0), *close, "--keep", "--json").json
+    sd_share = 4.0 * math.sqrt(8 / 11) / 50
+    line_sd_n = sd_share * 5000 * (1314 / 200) / math.sqrt(3 * (10**2 + 20**2 + 30**2 + 40**2))
+    sd_n = math.hypot(1314 * sd_share, line_sd_n)
+    most_n, words = 1970.2 * 0.05 / sd_share, f"6.57 N m ±{sd_n:.0f} N"
+    data = data_folder / "trilobe"
+    machine = calibrated(load_machine("close", machines_folder(data)), data)
+    shown = form(LOADED.job, machine.machine)
+    assert f"621 … {most_n:.0f} N" in shown and words in shown
+    work = opened(LOADED, machine)
+    assert f"621 … {most_n:.0f} N" in plain(summary_lines(load("en"), READY, work, 0.0, 40))
+    seen = console("preview", str(job), *close, "--json").json
+    assert seen["margins"]["force_most_n"] == pytest.approx(most_n, rel=1e-3)
+    assert seen["margins"]["force_limit"] == "scatter"
+    assert seen["calibrations"] == machine.used
+    predicted = console("predict", str(job), *close, "--json").json["clamping"]
+    assert predicted["maximum_n"] == seen["margins"]["force_most_n"]
+    assert predicted["torque_n_m"] == pytest.approx(1314 / 200)
+    sds_n = [predicted[f"{name}_sd_n"] for name in ("at_rest", "scatter", "line")]
+    assert sds_n == pytest.approx([sd_n, 1314 * sd_share, line_sd_n])
+    said = console("run", str(job), "--sim", *close, "--strategy", "none")
+    assert said.code == 0, said.err
+    told = next(line for line in said.out.splitlines() if "6.57 N m at the wrench" in line)
+    assert f"safe 621 … {most_n:.0f} N" in told
+    assert said.out.splitlines().index(told) == 1, "before anything is done to a part"
+    database = sqlite3.connect(data / "records.sqlite3")
+    events = dict(database.execute("SELECT kind, data FROM events").fetchall())
+    database.close()
+    of_wrench = ("force_per_torque_n_per_n_m", "force_offset_n", "force_sd_percent")
+    assert json.loads(events["planned"])["calibrations"] == dict.fromkeys(of_wrench, kept["date"])
+    assert json.loads(events["result"])["clamping"]["force_most_n"] == predicted["maximum_n"]
+
+
+def test_a_contradiction_of_what_a_profile_states_is_told_by_what_judges_a_job(
+    console: Console, job_file: Callable[..., Path], tmp_path: Path
+) -> None:
+    text = LATHE.path.read_text(encoding="utf-8").replace('  "chuck.force_per_torque_n_per_n_m",\n', "")
+    own = tmp_path / "stated.toml"
+    own.write_text(text, encoding="utf-8")
+    machine, job = ("--machine", str(own)), str(job_file(cut_length_mm="0.5"))
+    assert console("calibrate", "chuck", wrench(tmp_path, 30.0), *machine, "--keep").code == 0
+    for command in ("preview", "predict", "program"):
+        said = console(command, job, *machine, "--json")
+        assert said.code == 0
+        assert any("the profile is used" in warning for warning in said.json["warnings"])

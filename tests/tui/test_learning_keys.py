@@ -1,0 +1,268 @@
+"""The operator's keys of learning: what they choose and keep, what they say, and that nothing moves by them."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.cells import cell_len
+
+from console.session.alignment import Alignment, JawAngle
+from console.session.learned_store import FOLDER, asked_for, versions
+from console.session.part_lesson import PartLesson
+from console.session.preview import all_asked, program_of
+from console.session.progress import CutStage
+from console.session.state import Activity, MeasuredPart, StationState
+from console.session.work import Work, edited, with_strategy
+from console.text.catalogue import load
+from console.tui.chosen_path import ChosenPath
+from console.tui.keymap import ACTIONS
+from console.tui.lines import plain
+from console.tui.pages.inspect import InspectPage
+from console.tui.pages.learn_lines import learn_lines
+from console.tui.pages.learning_keys import accept_lesson
+from console.tui.pages.preview import PreviewPage
+from console.tui.pages.run import RunPage
+from drivers.cut import CutPlan, Strategy
+from profiles.learned import LearnedCompensation
+from profiles.problem import Problem
+from tests.tui import run_stage
+from tests.tui.page_stage import PageScene, play_on, shown_on
+from tests.tui.scenes import AFTER, part, previewed, signed, taught
+from tests.tui.stage import LANGUAGES
+
+PART = taught(part(Strategy.CAM, AFTER))
+"""One that was cut with `cam`, by the model."""
+
+MEASURED = StationState(activity=Activity.READY, measured=PART)
+JAW = Alignment(jaw=JawAngle(angle_deg=12.63, at="2 Jan 08:45"))
+
+
+FAILED = replace(MEASURED, measured=replace(PART, job=replace(PART.job, roundness_tolerance_um=2.0)))
+
+
+class OnInspect(PageScene):
+    page_class = InspectPage
+
+
+class OnPreview(PageScene):
+    page_class = PreviewPage
+
+
+def cam() -> Work:
+    return with_strategy(signed(), "cam")
+
+
+def on_inspect(scene: Callable[[OnInspect], Awaitable[None]], data: Path, state: StationState = MEASURED) -> None:
+    play_on(OnInspect, scene, data, work=cam(), state=state)
+
+
+def used(stage: PageScene) -> LearnedCompensation:
+    assert stage.desk.work is not None and stage.desk.work.compensation is not None
+    return stage.desk.work.compensation
+
+
+def kept(data: Path) -> list[int]:
+    work = cam()
+    asked = asked_for(work.loaded, work.machine, "cam", simulated=True)
+    return [each.version for each in versions(data, asked)]
+
+
+def without(reason: Problem) -> MeasuredPart:
+    """The part, of which nothing may be kept."""
+    assert PART.lesson is not None and PART.lesson.taught is not None
+    lesson = replace(PART.lesson.taught.lesson, reasons=(reason,))
+    return replace(PART, lesson=replace(PART.lesson, taught=replace(PART.lesson.taught, lesson=lesson)))
+
+
+def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Path) -> None:
+    async def play(stage: OnInspect) -> None:
+        await stage.show()
+        assert "3/rev 1.82 → 0.00" in stage.text and "6/rev 0.58 → 0.00" in stage.text
+        assert "gain 1 · converges x0.03" in stage.text and "next cut: model, full" in stage.text
+        assert "a accepts" in stage.next_step
+        await stage.act("inspect.accept")
+        assert (used(stage).version, kept(tmp_path)) == (1, [1])
+        assert "next cut: learned 1, full" in stage.text and "a accepts" not in stage.next_step
+        await stage.act("inspect.accept")
+        assert (stage.codes, kept(tmp_path)) == (["learned.accepted"], [1])
+        await stage.act("inspect.revert")
+        assert (used(stage).reverts, kept(tmp_path)) == (0, [1, 2])
+        assert "next cut: learned 2 (= model), full" in stage.text
+        await stage.act("inspect.revert")
+        assert (stage.codes, kept(tmp_path)) == (["learned.no_before"], [1, 2])
+        await stage.act("inspect.accept")
+        assert (used(stage).version, kept(tmp_path)) == (3, [1, 2, 3])
+        assert (stage.control.orders, stage.control.stops) == ([], [])
+
+    on_inspect(play, tmp_path, FAILED)
+
+
+def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
+    (tmp_path / FOLDER).write_text("no folder", encoding="utf-8")
+
+    async def play(stage: OnInspect) -> None:
+        before = stage.desk.work
+        await stage.act("inspect.accept")
+        assert stage.codes == ["file.not_writable"] and stage.desk.work is before
+
+    on_inspect(play, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("work", "state", "code"),
+    [
+        (cam(), StationState(activity=Activity.READY), "learned.no_part"),
+        (edited(cam(), "depth_of_cut_mm", "0.05"), MEASURED, "learned.edited_now"),
+        (replace(cam(), loaded=replace(cam().loaded, sha256="f" * 64)), MEASURED, "learned.other_job"),
+        (cam(), replace(MEASURED, measured=without(Problem(code="learned.nothing"))), "learned.nothing"),
+    ],
+)
+def test_what_must_not_be_kept_is_not(work: Work, state: StationState, code: str, tmp_path: Path) -> None:
+    async def play(stage: OnInspect) -> None:
+        await stage.act("inspect.accept")
+        assert (stage.codes, kept(tmp_path)) == ([code], [])
+
+    play_on(OnInspect, play, tmp_path, work=work, state=state)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    ("measured", "key"),
+    [
+        (PART, "Enter"),
+        (FAILED.measured, "a"),
+        (without(Problem(code="learned.nothing", limit="2.45 sd")), "Enter"),
+        (without(Problem(code="learned.diverges", key="--revert 0", value="1.4", limit="< 1")), "v"),
+    ],
+)
+def test_why_nothing_is_learned_and_what_comes_next_fit_the_screen(
+    measured: MeasuredPart | None, key: str, language: str
+) -> None:
+    assert measured is not None
+    page = shown_on(InspectPage, replace(MEASURED, measured=measured), work=cam(), language=language)
+    assert cell_len(page.next_step) <= 77 and f"{key}" in page.next_step
+    assert len(page.text.splitlines()) <= 18
+    for reason in () if measured.lesson is None else measured.lesson.reasons:
+        assert load(language).problem(reason)[:30] in page.text
+
+
+def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path: Path) -> None:
+    assert PART.lesson is not None and PART.lesson.taught is not None
+    made = replace(PART.lesson.made, stage="partial")
+    half = replace(PART, lesson=PartLesson(made=made, problems=(Problem(code="learned.nothing"),)))
+    page = shown_on(InspectPage, replace(MEASURED, measured=half), work=cam())
+    assert "PASS" not in page.text and "half cut: not judged" in page.text
+    assert "whole compensation comes next" in page.next_step
+    rows = plain(learn_lines(PART.lesson, cam(), load("en"), 76, 9))
+    assert "± 11.55 um p-p): it is hardly worth learning" in " ".join(rows.split())
+
+
+def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
+    async def play(stage: OnPreview) -> None:
+        await stage.act("preview.learned")
+        assert stage.codes == ["learned.none"]
+        stage.desk.work = previewed_cam()
+        await stage.act("preview.stage")
+        assert "cut: model, in air" in stage.text and "In air" in stage.next_step
+        await stage.act("preview.stage")
+        assert "cut: model, half" in stage.text
+        await stage.act("preview.stage")
+        accept_lesson(stage.desk)
+        await stage.act("preview.learned")
+        assert stage.desk.work is not None and stage.desk.work.compensation is None
+        await stage.act("preview.learned")
+        assert used(stage).version == 1 and "cut: learned 1, full" in stage.text
+        assert "(" not in stage.text.partition("── cam")[2].partition("um/div")[0], "no band for what was learned"
+        # Another strategy: the version stays chosen, is refused, and comes back with its own.
+        await stage.act("preview.strategy")
+        assert stage.codes == ["learned.strategy"] and "✗ refused: learned 1, full" in stage.text
+        assert "would be refused" in stage.next_step
+        for _ in range(4):
+            await stage.act("preview.strategy")
+        assert stage.codes == [] and used(stage).version == 1
+        assert stage.control.orders == []
+
+    play_on(OnPreview, play, tmp_path, work=cam(), state=MEASURED)
+
+
+def test_an_edited_job_has_no_version_and_half_of_the_printed_program_does_not_exist(tmp_path: Path) -> None:
+    async def play(stage: OnPreview) -> None:
+        await stage.act("preview.learned")
+        assert stage.codes == ["learned.edited_now"]
+        stage.desk.work = replace(with_strategy(cam(), "paper"), stage="air")
+        await stage.act("preview.stage")
+        assert stage.codes == ["stage.strategy"]
+
+    play_on(OnPreview, play, tmp_path, work=edited(cam(), "depth_of_cut_mm", "0.05"))
+
+
+def test_run_refuses_what_does_not_hold_and_says_what_is_cut(tmp_path: Path) -> None:
+    one = learned()
+    page = shown_on(RunPage, run_stage.state(), work=replace(cam(), compensation=one))
+    assert "learned 1, full" in page.text and "✓ compensation and stage hold" in page.text
+    page = shown_on(RunPage, run_stage.state(), "run.arm", work=replace(signed(), compensation=one))
+    assert (page.orders, page.said) == ([], ["learned.strategy"])
+    assert "l and s choose" in page.next_step
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_after_the_air_comes_half_on_the_same_blank(language: str) -> None:
+    text, done = load(language), run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, in_air=True)
+    now, air = run_stage.state(cut=done), replace(cam(), stage="air")
+    page = shown_on(RunPage, now, work=air, language=language)
+    assert page.next_step == text("run_page.next.arm_air")
+    assert text("run_page.done_in_air")[:12] in page.text and text("run_page.after_air")[:12] in page.text
+    assert shown_on(RunPage, now, work=replace(air, stage="partial"), language=language).next_step == text(
+        "run_page.next.arm"
+    )
+    inspect = shown_on(InspectPage, now, work=air, language=language)
+    assert inspect.next_step == text("inspect_page.next_air")
+    assert max(cell_len(words) for words in (page.next_step, inspect.next_step)) <= 77
+    under_way = run_stage.cutting(in_air=True)
+    assert text("run_page.cut_in_air") in shown_on(RunPage, under_way, work=air, language=language).text
+
+
+def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
+    one, chosen = learned(), ChosenPath()
+    work = replace(cam(), compensation=one)
+    path = chosen.of(work, JAW, simulated=True)
+    assert path is not None and path is chosen.of(replace(work), JAW, simulated=True)
+    turn_deg = (12.63 - work.job.jaw_1_deg) % 120.0
+    assert (path.wanted.crest_deg - one.path.wanted.crest_deg) % 120.0 == pytest.approx(turn_deg)
+    half = chosen.of(replace(work, stage="partial"), JAW, simulated=True)
+    assert half is not None and half.wanted.amplitude_um == pytest.approx(0.5 * path.wanted.amplitude_um)
+    assert chosen.of(cam(), JAW, simulated=True) is None
+    assert chosen.of(with_strategy(work, "pvt"), JAW, simulated=True) is None
+
+
+def test_letters_of_learning_move_nothing() -> None:
+    fresh = {"inspect.accept", "inspect.revert", "preview.learned", "preview.stage"}
+    found = {action.id: action for action in ACTIONS if action.id in fresh}
+    assert found.keys() == fresh
+    for action in found.values():
+        assert not action.moves and len(action.keys) == 2
+
+
+def learned() -> LearnedCompensation:
+    assert PART.lesson is not None and PART.lesson.taught is not None
+    return PART.lesson.taught.lesson.next
+
+
+def previewed_cam() -> Work:
+    made = previewed(signed().job)
+    return replace(cam(), outlook=made, preview=made)
+
+
+def test_the_program_that_is_shown_for_the_air_is_the_one_further_out() -> None:
+    job, machine = signed().job, signed().machine.machine
+    asked = {each.strategy: each for each in all_asked(job, machine, Strategy.CAM, None, None, 1.1)}
+    assert {strategy for strategy, each in asked.items() if each.air_mm} == {Strategy.CAM}
+    air, usual = (
+        program_of(each).plan for each in (asked[Strategy.CAM], replace(asked[Strategy.CAM], air_mm=0.0))
+    )
+    assert isinstance(air, CutPlan) and isinstance(usual, CutPlan)
+    out_mm = (usual.setup.surface - air.setup.surface) / machine.tool.counts_per_mm
+    assert out_mm == pytest.approx(1.1, abs=1e-9)
