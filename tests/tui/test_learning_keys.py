@@ -163,7 +163,7 @@ def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path:
 def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
     async def play(stage: OnPreview) -> None:
         await stage.act("preview.learned")
-        assert stage.codes == ["learned.none"]
+        assert stage.codes == ["learned.none_yet"]
         stage.desk.work = previewed_cam()
         await stage.act("preview.stage")
         assert "cut: model, in air" in stage.text and "In air" in stage.next_step

@@ -16,7 +16,7 @@ def step_compensation(desk: Desk) -> None:
     """Take the newest version for the job in hand, or the model again where one is in use.
 
     Raises:
-        SessionError: `learned.edited_now`, no version is for an edited job; those of `chosen`.
+        SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
         ProfileError: versions that cannot be read. What was chosen stays.
     """
     work = desk.work
@@ -29,7 +29,10 @@ def step_compensation(desk: Desk) -> None:
         raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
     simulated = desk.control.state.simulated
     asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated)
-    desk.work = replace(work, compensation=chosen(NEWEST, versions(desk.data, asked), asked))
+    known = versions(desk.data, asked)
+    if not known:
+        raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
+    desk.work = replace(work, compensation=chosen(NEWEST, known, asked))
 
 
 def step_stage(desk: Desk) -> None:
