@@ -29,8 +29,6 @@ from profiles.one_pass import lobe_change_um
 from profiles.problem import Problem, ProfileError
 from profiles.rules import IMPOSSIBLE, Finding, Severity, check, refusals
 
-__all__ = ["Prediction", "held_part", "predict"]
-
 FloatArray = NDArray[np.float64]
 
 Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 6

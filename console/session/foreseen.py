@@ -19,9 +19,9 @@ from profiles.chucking.holding import holding_of
 from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.cutting_process import cutting_process
 from profiles.friction import ASSUMED_FRICTION_N, friction_um_pp
+from profiles.held_job import held_part
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.prediction import held_part
 from profiles.problem import ProfileError
 from profiles.response import ServoResponse
 

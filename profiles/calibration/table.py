@@ -6,9 +6,9 @@ for all rows. A byte order mark, quotes, empty lines and empty cells behind a ro
 does not know is left out, and its name told. Anything else is refused with its line, all problems (up to a cap) at
 once.
 
-Problem codes: `calibration.unreadable`, `calibration.too_large`, `calibration.not_text`, `calibration.columns`,
-`calibration.cells`, `calibration.not_number`, `calibration.out_of_range`, `calibration.mixed_decimals`,
-`calibration.meta`.
+Problem codes: `calibration.unreadable`, `calibration.too_large`, `calibration.not_text`, `calibration.empty`,
+`calibration.columns`, `calibration.cells`, `calibration.not_number`, `calibration.out_of_range`,
+`calibration.mixed_decimals`, `calibration.meta`.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ class _Reader:
 
     def finished(self, sha256: str) -> MeasuredTable:
         if not self._names and not self.problems:
-            self.problems.append(Problem(code="calibration.columns", where=self._where, limit=self._wanted()))
+            self.problems.append(Problem(code="calibration.empty", where=self._where, limit=self._wanted()))
         if len(self._decimals) > 1:
             met = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
             self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=met))

@@ -67,7 +67,7 @@ def test_what_spoils_the_whole_file_is_told_once() -> None:
     assert refused("torque_n_m;force_n\n10,5;3700\n20.5;1\n") == [("mixed_decimals", "t.csv", "")]
     assert refused("torque,force\n1,2\n") == [("columns", "t.csv:1", "")]
     assert refused("torque_n_m,force_n,force_n\n1,2,3\n") == [("columns", "t.csv:1", "")]
-    assert refused("") == [("columns", "t.csv", "")]
+    assert refused("") == [("empty", "t.csv", "")]
     assert refused(PLAIN, CalibrationKind.DEFLECTION) == [("columns", "t.csv:1", "")]
     assert refused(PLAIN.encode() + b"\xb5") == [("not_text", "t.csv:4", "")]
     assert refused("# a: 1\n# a: 2\n" + PLAIN) == [("meta", "t.csv:2", "")]
