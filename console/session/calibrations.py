@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
+from console.session.kept_files import folder_name, keep, kept, make_folder, stamp
 from console.session.paths import jobs_folder
-from profiles.files import printable, read_regular_file, write_atomically
+from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
 
 FOLDER = "calibrations"
-CAP_BYTES = 1_000_000
 SCHEMA = 1
 
 
@@ -51,12 +49,8 @@ def store(data: Path, calibration: Calibration) -> Path:
         ProfileError: `file.exists`, `file.not_writable`.
     """
     folder = _folder(data, calibration.subject)
-    _make(folder)
-    # The date without marks: no file system minds it, and the names stand in the order of the dates.
-    stamp = "".join(c for c in calibration.date if c.isalnum())
-    path = folder / f"{calibration.kind}-{stamp}.json"
-    content = json.dumps(asdict(calibration), ensure_ascii=False, allow_nan=False, indent=2)
-    write_atomically(path, f"{content}\n".encode(), overwrite=False)
+    path = folder / f"{calibration.kind}-{stamp(calibration.date)}.json"
+    keep(path, asdict(calibration))
     return path
 
 
@@ -103,7 +97,7 @@ def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
         save_job(job, loaded.path, overwrite=True)
         return load_job(str(loaded.path))
     folder = jobs_folder(data)
-    _make(folder)
+    make_folder(folder)
     name, number = loaded.path.stem, 2
     while (folder / f"{name}-{number}.toml").exists():
         number += 1
@@ -119,8 +113,8 @@ def load(file: Path, subject: str, kind: str) -> Calibration:
         ProfileError: `file.unreadable`, `file.too_large`; `calibration.record`, a file that is none of ours, or
             not of this subject and kind.
     """
+    table = kept(file, "calibration.record")
     try:
-        table = json.loads(read_regular_file(file, cap_bytes=CAP_BYTES))
         if table["schema"] != SCHEMA or not isinstance(table["found"], dict):
             raise ValueError(f"schema {table['schema']!r}")
         if not isinstance(table["date"], str):
@@ -130,18 +124,9 @@ def load(file: Path, subject: str, kind: str) -> Calibration:
         if (table["subject"], table["kind"]) != (subject, kind):
             raise ValueError(f"{table['subject']}, {table['kind']}")
         return Calibration(**table)
-    except (ValueError, RecursionError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise record_problem(file, str(error)) from error
 
 
 def _folder(data: Path, subject: str) -> Path:
-    """Return the folder of a machine or a job, whatever its name has in it."""
-    return data / FOLDER / quote(subject, safe=" ").replace(".", "%2E")
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        where, value = printable(str(folder)), error.strerror or str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+    return data / FOLDER / folder_name(subject)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from datetime import UTC, datetime
 from pathlib import Path
-from urllib.parse import quote
 
 from console.session.errors import SessionError
-from profiles.files import printable, read_regular_file, write_atomically
+from console.session.kept_files import folder_name, keep, kept
+from profiles.files import printable
 from profiles.learned import HoldsFor, LearnedCompensation, as_table, differences, from_table
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine
 
 FOLDER = "learned"
-CAP_BYTES = 1_000_000
 NONE, NEWEST = "none", "newest"
 
 
@@ -41,15 +39,8 @@ def store(data: Path, learned: LearnedCompensation) -> Path:
     Raises:
         ProfileError: `file.exists`, somebody else has kept this version meanwhile; `file.not_writable`.
     """
-    folder = _folder(data, learned.holds_for)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        where, value = printable(str(folder)), error.strerror or str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
-    path = folder / _name(learned.version)
-    content = json.dumps(as_table(learned), ensure_ascii=False, allow_nan=False, indent=2)
-    write_atomically(path, f"{content}\n".encode(), overwrite=False)
+    path = _folder(data, learned.holds_for) / _name(learned.version)
+    keep(path, as_table(learned))
     return path
 
 
@@ -83,13 +74,7 @@ def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -
 
 def _load(file: Path) -> LearnedCompensation:
     where = printable(str(file))
-    content = read_regular_file(file, cap_bytes=CAP_BYTES)
-    try:
-        table = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        value = printable(str(error))
-        raise ProfileError(Problem(code="learned.file", where=where, value=value)) from error
-    learned = from_table(table, where)
+    learned = from_table(kept(file, "learned.file"), where)
     if file.name != _name(learned.version):
         raise ProfileError(Problem(code="learned.file", where=where, value=f"version {learned.version}"))
     return learned
@@ -100,6 +85,6 @@ def _name(version: int) -> str:
 
 
 def _folder(data: Path, asked: HoldsFor) -> Path:
-    """Return the folder of a job on a machine, whatever their names have in them."""
-    names = [quote(name, safe=" ").replace(".", "%2E") for name in (asked.machine, asked.job)]
+    """Return the folder of a job on a machine."""
+    names = [folder_name(name) for name in (asked.machine, asked.job)]
     return data.joinpath(FOLDER, "simulated" if asked.simulated else "machine", *names)

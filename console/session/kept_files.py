@@ -1,0 +1,62 @@
+"""What the console keeps in its data folder: a file a thing, folders by name, plain values, never overwritten."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.problem import Problem, ProfileError
+
+CAP_BYTES = 1_000_000
+
+
+def folder_name(name: str) -> str:
+    """Return the name of the folder of a machine or a job, whatever its own name has in it."""
+    return quote(name, safe=" ").replace(".", "%2E")
+
+
+def stamp(date: str) -> str:
+    """Return a date without marks: no file system minds it, and names stand in the order of their dates."""
+    return "".join(c for c in date if c.isalnum())
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder where it is missing.
+
+    Raises:
+        ProfileError: `file.not_writable`.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        where, value = printable(str(folder)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+
+
+def keep(path: Path, table: Mapping[str, Any]) -> None:
+    """Write a new file with its folder.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`.
+    """
+    make_folder(path.parent)
+    content = json.dumps(table, ensure_ascii=False, allow_nan=False, indent=2)
+    write_atomically(path, f"{content}\n".encode(), overwrite=False)
+
+
+def kept(file: Path, code: str) -> Any:
+    """Return what is in a file; `code` is that of the problem of a file that is none of ours.
+
+    Raises:
+        ProfileError: `file.unreadable`, `file.too_large`; `code`.
+    """
+    content = read_regular_file(file, cap_bytes=CAP_BYTES)
+    try:
+        return json.loads(content)
+    except (ValueError, RecursionError) as error:
+        where, value = printable(str(file)), printable(str(error))
+        raise ProfileError(Problem(code=code, where=where, value=value)) from error
