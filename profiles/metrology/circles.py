@@ -107,8 +107,11 @@ def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[floa
 
 
 def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
-    design = np.column_stack((np.ones(deviation_um.size), *direction))
-    solution = np.linalg.lstsq(design, deviation_um, rcond=None)[0]
+    """By the normal equations, which are well-conditioned for points all around; once more for the last digits."""
+    design = np.vstack((np.ones(deviation_um.size), direction))
+    normal = design @ design.T
+    solution = np.linalg.solve(normal, design @ deviation_um)
+    solution += np.linalg.solve(normal, design @ (deviation_um - solution @ design))
     return float(solution[0]), float(solution[1]), float(solution[2])
 
 
@@ -131,13 +134,19 @@ def _extreme(
         columns[0, :size] = columns[1, size:] = 1.0
         columns[2:, :size], columns[2:, size:] = direction, -direction
         gains, sides = np.concatenate((gains, -gains)), 2
-        basis = _nearest(direction, 4) + np.array([0, size, 0, size])
+        basis = _crossing(direction, left_um) + np.array([0, size, 0, size])
     else:
         sign = 1.0 if kind == MINIMUM_CIRCUMSCRIBED else -1.0
         columns, gains, basis = np.vstack((np.ones(size), direction)), sign * gains, _nearest(direction, 3)
     rhs = np.zeros(columns.shape[0])
     rhs[:sides] = 1.0
-    optimum = exchanged(columns, gains, rhs, basis, tolerance=_OUTSIDE)
+
+    def excess_of(prices: FloatArray) -> FloatArray:
+        over = gains[:size] - prices[-2:] @ columns[-2:, :size] - prices[0]
+        # Inner contacts are the same points from the other side: prices[0] + prices[1] is the width of the zone.
+        return over if sides == 1 else np.concatenate((over, -over - (prices[0] + prices[1])))
+
+    optimum = exchanged(columns, gains, rhs, basis, tolerance=_OUTSIDE, excess_of=excess_of)
     touching = optimum.basis[optimum.weights > _WEIGHTLESS]
     place = settled(columns, gains, optimum.prices, touching, one_sided=kind != MINIMUM_ZONE)
     x, y = place[-2:] * (-span_um if kind == MAXIMUM_INSCRIBED else span_um)
@@ -147,6 +156,19 @@ def _extreme(
         for i, o in zip(touching % size, outer, strict=True)
     ]
     return float(x), float(y), tuple(sorted(found, key=lambda contact: contact.angle_deg % 360.0))
+
+
+def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
+    """Return the highest, lowest, highest and lowest point of four quarters: two chords that cross hold a zone.
+
+    No quarter is empty: no gap between points is so large.
+    """
+    cosine, sine = direction
+    wide = np.abs(cosine) >= np.abs(sine)
+    quarters = (wide & (cosine > 0), ~wide & (sine > 0), wide & (cosine < 0), ~wide & (sine < 0))
+    heights = (left_um, -left_um, left_um, -left_um)
+    found = [np.where(quarter, high, -np.inf).argmax() for quarter, high in zip(quarters, heights, strict=True)]
+    return np.array(found, dtype=np.intp)
 
 
 def _nearest(direction: FloatArray, parts: int) -> NDArray[np.intp]:

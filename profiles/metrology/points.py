@@ -82,5 +82,8 @@ def at_equal_angles(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[Fl
 
 
 def _gaps_deg(angle_deg: ArrayLike) -> FloatArray:
-    angle = np.sort(np.mod(np.asarray(angle_deg, dtype=np.float64), _TURN_DEG))
+    angle = np.asarray(angle_deg, dtype=np.float64)
+    if angle.min() < 0.0 or angle.max() >= _TURN_DEG:
+        angle = np.mod(angle, _TURN_DEG)
+    angle = np.sort(angle)
     return np.diff(angle, append=angle[0] + _TURN_DEG)
