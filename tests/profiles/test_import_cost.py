@@ -31,7 +31,7 @@ import profiles
 
 assert "numpy" not in sys.modules and "profiles.roundness" not in sys.modules
 assert {"roundness", "traces", "servo"} <= set(dir(profiles)) and not hasattr(profiles, "nothing")
-print(profiles.roundness.evaluate(range(0, 360, 60), [1, 0, 1, 0, 1, 0], None).ront_um)
+print(f"{profiles.roundness.evaluate(range(0, 360, 60), [1, 0, 1, 0, 1, 0], None).ront_um:.9f}")
 for name in profiles.__all__:
     assert getattr(profiles, name).__name__ == "profiles." + name
 """
@@ -42,4 +42,4 @@ def test_a_plain_script_needs_one_import() -> None:
     stub = Path(profiles.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
     assert re.findall(r"^    (\w+),$", stub, re.MULTILINE) == profiles.__all__
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False)
-    assert (done.stdout.strip(), done.stderr) == ("1.0", "")
+    assert (done.stdout.strip(), done.stderr) == ("1.000000000", "")
