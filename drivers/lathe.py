@@ -9,31 +9,30 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 
-from drivers.arrival import ARRIVED_COUNTS, REST_S, HomeSearch, Settling, nearly_arrived
+from drivers.arrival import REST_S, Settling
 from drivers.clock import Clock
 from drivers.cut_gather import BatchGather
-from drivers.cutting.table_state import correction_counts, switch_off, table_problems
+from drivers.cutting.guarding import ProgramEnd
 from drivers.errors import ControllerError, DriverError, LinkTimeoutError, RefusedError
+from drivers.guards import Guard, unguarded
 from drivers.heartbeat import Heartbeat
+from drivers.jogs import Jogs, band_counts
+from drivers.loading import STOPPED_BY, Loading
 from drivers.looks import LOOK_TIMEOUT_S, Looks
 from drivers.motion import Motion
 from drivers.ownership import NOBODY, Ownership, Standing
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
-from drivers.pmac.language.text import format_number
-from drivers.pmac.program_load import load_program, verify_program
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.cam_trim import trim_line
 from drivers.pmac.programs.setup import HOLD_FLAG
-from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.verification import differences
 from drivers.resting import prove_rest
 from drivers.sending import Sending
-from drivers.snapshot import AxisName, AxisState, Snapshot, SnapshotItems, driven_axes
+from drivers.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
 from drivers.stop import StopPath
-from drivers.travel import overrun_counts, refuse_beyond_travel
+from drivers.travel import overrun_counts
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -84,6 +83,8 @@ class Lathe:
         self._looks = Looks(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
         self._sending = Sending(client, stop, self._looks, ownership)
         self._motion = Motion(self._looks, stop, clock, heartbeat, ownership, self.hold)
+        self._loading = Loading(client, machine, clock)
+        self._jogs = Jogs(machine, self._looks, self._motion, stop, self._loading, self._jog)
 
     @property
     def has_moved(self) -> bool:
@@ -187,21 +188,8 @@ class Lathe:
             raise DriverError(Problem(code="machine.not_switched_off", where=self._client.link.address))
 
     def home(self, timeout_s: float = 60.0) -> None:
-        """Search the zero of each axis: tool out first, then the carriage, then the spindle's index.
-
-        Raises:
-            DriverError: `machine.timeout`, `machine.fault`; `machine.home_ended`, before a zero was found.
-        """
-        for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
-            if axis not in self._driven:
-                continue
-            self._jog(f"#{self._motors[axis]}HM")
-            state = self._motion.until(
-                HomeSearch(axis, self._band_counts(AxisName.TOOL)).is_over, timeout_s, f"home {axis}"
-            ).axis(axis)
-            if "home_complete" not in state.flags:
-                self.stop.stop(f"home {axis}")
-                raise DriverError(Problem(code="machine.home_ended", key=axis))
+        """Search the zero of each axis, see `Jogs.home`."""
+        self._jogs.home(timeout_s)
 
     def jog_to(
         self,
@@ -212,66 +200,16 @@ class Lathe:
         settle: bool = True,
         held_counts: float = 0.0,
     ) -> None:
-        """Jog one axis to a position in counts of its motor.
-
-        With `settle` it is given some time to be in position, see `Settling`; without, it is enough that it is
-        commanded to rest there and lags by less than the warning limit Ix12: the integrator of a slow loop may
-        take many seconds for the remainder.
-        `held_counts` is what a compensation table adds to where it is seen.
-
-        Raises:
-            DriverError: `machine.timeout`, `machine.fault` or `machine.not_arrived`.
-        """
-        self._jog(f"#{self._motors[axis]}J={format_number(counts)}")
-        done = Settling((axis,), self._band_counts(AxisName.TOOL)).is_over
-        if not settle:
-            done = partial(nearly_arrived, axis=axis, band_counts=self._band_counts(axis))
-        state = self._motion.until(done, timeout_s, f"jog {axis}").axis(axis)
-        there = state.position + state.following_error
-        if abs(there - counts - held_counts) > ARRIVED_COUNTS:
-            # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
-            value, limit = f"{there:.0f} counts", f"{counts:.0f} counts"
-            self.stop.stop(f"jog {axis}")
-            raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
-
-    def _band_counts(self, axis: AxisName) -> float:
-        """Return the warning limit of an axis, Ix12."""
-        return self.machine.controller.variables[f"I{self._motors[axis]}12"] / PARTS_PER_COUNT
+        """Jog one axis to a position in counts of its motor, see `Jogs.to`."""
+        self._jogs.to(axis, counts, timeout_s, settle=settle, held_counts=held_counts)
 
     def jog_by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
-        """Jog one axis by an increment in counts, from where it is commanded to be.
-
-        Raises:
-            DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `jog_to`.
-        """
-        state = self._ready_to_jog(axis)
-        held = self._correction_counts() if axis is AxisName.TOOL else 0.0
-        end = state.position + state.following_error - held + counts
-        refuse_beyond_travel(self.machine, axis, self._motors[axis], end)
-        self.jog_to(axis, end, timeout_s, settle=False, held_counts=held)
+        """Jog one axis by an increment in counts, see `Jogs.by`."""
+        self._jogs.by(axis, counts, timeout_s)
 
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
-        """Jog the tool out, after a stop or a hold, to a position in counts; the tool counts towards the work.
-
-        A tool that is already there, within the band of its in-position flag, is left alone.
-
-        Raises:
-            DriverError: `machine.retract_direction`, the position is further in than where the tool stands;
-                `machine.moving`, `machine.not_enabled`, and those of `jog_to`.
-        """
-        here = self._ready_to_jog(AxisName.TOOL).position
-        band = self.machine.controller.variables[f"I{self.machine.tool.motor}28"] / PARTS_PER_COUNT
-        if abs(to_counts - here) <= band:
-            return
-        if to_counts > here:
-            value, limit = f"{to_counts:.0f} counts", f"< {here:.0f} counts"
-            raise RefusedError(
-                Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=limit)
-            )
-        self.jog_to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._correction_counts())
-
-    def _correction_counts(self) -> float:
-        return correction_counts(self._client, self.machine, self._dialect)
+        """Jog the tool out to a position in counts, see `Jogs.retract`."""
+        self._jogs.retract(to_counts, timeout_s)
 
     def overrun_counts(self, axis: AxisName) -> float:
         """Return the way that an axis may still go after a stop in mid-jog, see `drivers.travel`."""
@@ -283,19 +221,19 @@ class Lathe:
         return "" if self._heartbeat is None else self._heartbeat.condition
 
     def load(self, program: ProgramText, axis_definitions: tuple[str, ...] = ()) -> None:
-        """Send a program, read it back and compare.
+        """Send a program, read it back with the constants and tables in front of it, and compare.
 
         A program that defines axes says which are there from now on, until `restore`.
 
         Raises:
             ControllerError: a line was refused.
-            DriverError: `controller.program_differs`, the buffer does not hold what was sent.
+            DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
         """
         self.stop.check()
         self._sending.refuse_unless_owner()
         definitions = axis_definitions or self.machine.controller.axis_definitions
         self._controller = replace(self.machine.controller, axis_definitions=definitions)
-        load_program(self._client, program)
+        self._loading.load(program)
         self.held = False
 
     def restore(self, lines: Iterable[str]) -> None:
@@ -308,8 +246,7 @@ class Lathe:
         if lines:
             self._sending.refuse_unless_owner()
             self._refuse_moving(self.snapshot())
-            for line in lines:
-                self._client.request(line)
+            self._loading.restore(lines)
         self._controller = self.machine.controller
 
     def tables_left(self) -> tuple[Problem, ...]:
@@ -319,7 +256,7 @@ class Lathe:
             DriverError: the link broke, or the controller refused to answer.
         """
         self._sending.refuse_unless_owner()  # a pointer of the console is written for it
-        return table_problems(self._client, self.machine, self._dialect)
+        return self._loading.tables_left()
 
     @property
     def driven(self) -> tuple[AxisName, ...]:
@@ -346,15 +283,36 @@ class Lathe:
         """
         self._sending.refuse_unless_owner()
         self._refuse_moving(self.snapshot())
-        return switch_off(self._client, self.machine, self._dialect)
+        return self._loading.switch_tables_off()
 
-    def holds(self, program: ProgramText) -> None:
-        """Make sure that the card still holds a program as it was loaded; nothing is written.
+    def holds(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
+        """Make sure that the controller still holds a program as it was loaded; nothing is written.
+
+        Its lines, the constants in front of it, and, unless without `tables`, every entry of its table. Of one
+        that has `ended`, what it changes itself is left out.
 
         Raises:
-            DriverError: `controller.program_differs`; the link broke; a program is not there.
+            DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`;
+                the link broke; a program is not there.
         """
-        verify_program(self._client, program)
+        self._loading.verify(program, ended=ended, tables=tables)
+
+    def program_end(self) -> ProgramEnd:
+        """Ask how the program that ran last has ended.
+
+        Raises:
+            DriverError: the link broke, or the controller refused to answer.
+        """
+        return self._loading.end()
+
+    def say_stopped(self) -> None:
+        """Tell the console that controls the machine who has stopped it; the only word of one that looks on.
+
+        Raises:
+            LinkError: the link broke or is out of step.
+        """
+        if self.ownership is not None:
+            self._client.request(f"{STOPPED_BY}={self.ownership.number}", LOOK_TIMEOUT_S)
 
     def start(self, number: int, retracted_counts: float) -> None:
         """Run a loaded program. This moves the machine; the tool is out of the part at `retracted_counts`."""
@@ -402,20 +360,30 @@ class Lathe:
         """Return what gathers the tool and the spindle of a cut, see `drivers.cut_gather`; nothing moves by it."""
         return BatchGather(self._client, self.machine, self._clock, lambda: self.round_trip_s)
 
-    def follow(self, watch: Callable[[Snapshot], None], timeout_s: float) -> Snapshot:
+    def follow(self, watch: Callable[[Snapshot], None], timeout_s: float, guard: Guard = unguarded) -> Snapshot:
         """Look at the machine until the program has ended and the axes have arrived.
 
         After `REST_S` it is enough that the tool is commanded to rest and lags by less than its warning limit.
+        Meanwhile `guard` judges each look, and the constants of the program are read in turn.
 
         Raises:
-            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`; the machine is stopped before it is
-                raised. `heartbeat.plc_silent`: it was ended as the policy says.
+            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.constant_differs`,
+                those of the guard and of `Motion.until`; the machine is stopped before it is raised.
+                `heartbeat.plc_silent`: it was ended as the policy says.
             StoppedError: somebody stopped the machine.
         """
-        settling = Settling(self._driven, self._band_counts(AxisName.TOOL), REST_S)
-        return self._motion.until(
-            lambda seen: not seen.program_running and settling.is_over(seen), timeout_s, "program", watch
-        )
+        settling = Settling(self._driven, band_counts(self.machine, AxisName.TOOL), REST_S)
+        self._looks.watched, self._looks.changed = self._loading.watch(), None
+        try:
+            return self._motion.until(
+                lambda seen: not seen.program_running and settling.is_over(seen),
+                timeout_s,
+                "program",
+                watch,
+                guard=guard,
+            )
+        finally:
+            self._looks.watched, self._looks.changed = None, None
 
     def wait_for_rest(self) -> Snapshot:
         """After a stop: repeat it until the controller proves that nothing moves, see `drivers.resting`.
@@ -425,20 +393,6 @@ class Lathe:
             LinkError: `link.lost`, there is nobody to ask any more.
         """
         return prove_rest(self._looks, self.stop, self._clock, self._end_guard)
-
-    def _ready_to_jog(self, axis: AxisName) -> AxisState:
-        """Return where an axis stands. A jog would close an open loop, and nothing else may do that unasked.
-
-        Raises:
-            DriverError: `machine.moving`, `machine.not_enabled`.
-        """
-        self.stop.check()
-        snapshot = self.snapshot()
-        self._refuse_moving(snapshot)
-        state = snapshot.axis(axis)
-        if not state.closed:
-            raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
-        return state
 
     def _refuse_moving(self, snapshot: Snapshot) -> None:
         if snapshot.moving:

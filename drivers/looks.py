@@ -13,8 +13,10 @@ from drivers.heartbeat import Heartbeat
 from drivers.link.base import GONE
 from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
+from drivers.pmac.program_constants import ConstantsWatch
 from drivers.snapshot import Snapshot, SnapshotItems
 from drivers.stop import StopPath
+from profiles.problem import Problem
 
 LOOK_TIMEOUT_S = 0.3
 """How long the answer to a look may take: in a cut nothing else tells of a fault."""
@@ -25,13 +27,20 @@ GUARDED_TIMEOUT_S = 0.17
 QUICK_TIMEOUT_S = 0.17
 """The least time that an answer is given while a stop is being proven: the next repetition must not wait."""
 
+LOOKS_A_READING, CONSTANTS_A_READING = 4, 4
+"""How many looks a reading of constants is apart, and how many of them it reads."""
+
+SLOW_LINE_S = 0.05
+"""Over a line on which a look takes longer, a reading is of one constant: leases and looks come first."""
+
 
 class Looks:
     """What the controller says of itself.
 
     `last` is the last look that succeeded. `loops_closed` is whether the last look saw every driven axis under
     control, False when it failed. `verified` is set by whoever has compared the controller with its profile.
-    `round_trip_s` is how long the last look took.
+    `round_trip_s` is how long the last look took. `watched` are the constants of the program that
+    runs; `changed` is the first of them that was seen not as planned.
     """
 
     def __init__(
@@ -50,8 +59,16 @@ class Looks:
         self.loops_closed = False
         self.verified = False
         self.round_trip_s = 0.0
+        self.watched: ConstantsWatch | None = None
+        self.changed: Problem | None = None
+        self._looks_made = 0
         self._client, self._clock, self._stop, self._items = client, clock, stop, items
         self._seen, self._heartbeat, self._ownership = seen, heartbeat, ownership
+
+    @property
+    def address(self) -> str:
+        """The link that the controller is looked at over."""
+        return self._client.link.address
 
     @property
     def sees_devices(self) -> bool:
@@ -115,3 +132,31 @@ class Looks:
         if self._seen is not None:
             self._seen(snapshot)
         return snapshot
+
+    def watch_constants(self) -> None:
+        """Read a few constants of the program that runs, behind every few looks, and judge them.
+
+        One that is not answered is left to the next turn: that the line is bad is for the next look to find.
+
+        Raises:
+            DriverError: as for `look`.
+        """
+        watched = self.watched
+        if watched is None:
+            return
+        self._looks_made += 1
+        if self._looks_made % LOOKS_A_READING:
+            return
+        names = watched.names(CONSTANTS_A_READING if self.round_trip_s < SLOW_LINE_S else 1)
+        if not names or self._stop.reason is not None:
+            return
+        lease = "" if self._heartbeat is None else self._heartbeat.renewal()
+        try:
+            line = " ".join((lease, *names)).lstrip()
+            answers = self._client.request(line, self._first_timeout_s, lines=len(names))
+            found = watched.see(names, [self._client.number(answer) for answer in answers])
+        except LinkError as error:
+            if any(problem.code in GONE for problem in error.problems):
+                raise
+            return
+        self.changed = self.changed or found

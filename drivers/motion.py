@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
+from drivers.guards import Guard, open_loop_problem, reset_problem, unguarded
 from drivers.heartbeat import LAPSED, Heartbeat
 from drivers.looks import Looks
 from drivers.ownership import Ownership, Standing
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.safety import device_problems
-from drivers.snapshot import Snapshot
+from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import StopPath
 from profiles.problem import Problem
 
@@ -21,7 +22,7 @@ CUT_POLL_S = 0.023
 WAY_HOME_S = 10.0
 """What a held program may do behind its retract, with the tool out: a table is left in its row of zeros."""
 
-JOG_POLL_S = 0.1
+JOG_POLL_S = 0.05
 """Time between two looks at an axis on its way."""
 
 
@@ -53,38 +54,45 @@ class Motion:
         timeout_s: float,
         what: str,
         watch: Callable[[Snapshot], None] | None = None,
+        *,
+        guard: Guard = unguarded,
+        homing: AxisName | None = None,
     ) -> Snapshot:
         """Look on until it is over; `watch` is told each look of a cut. `what` names it where it goes wrong.
 
+        `guard` judges each look. The axis that is `homing` may lose its zero, every other one must keep it.
+
         Raises:
-            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, the machine was stopped before;
+            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.was_reset`,
+                `machine.loop_open`, those of the guard, the machine was stopped before;
                 `heartbeat.plc_silent`, see `_end_unguarded`; and what ends it from outside, see `_next_look`.
         """
         deadline = self._clock.now_s() + timeout_s
+        homed = frozenset() if self._looks.last is None else self._looks.last.homed_axes - {homing}
         standing_on: frozenset[str] = (
             frozenset() if watch is not None or self._looks.last is None else self._looks.last.limits
         )
-        unguarded: tuple[Problem, ...] = ()
+        alone: tuple[Problem, ...] = ()
         while True:
-            snapshot = self._next_look(deadline, watch)
+            snapshot = self._next_look(deadline, watch, homed)
             met = snapshot.axis_faults if watch is None else snapshot.faults
             self._refuse_faults(snapshot, what, [fault for fault in met if fault not in standing_on])
-            if not unguarded and self._heartbeat is not None and self._heartbeat.silent is not None:
-                unguarded = (self._heartbeat.silent,)
-                deadline = min(
-                    deadline, self._end_unguarded(self._heartbeat, unguarded[0], in_cut=watch is not None)
-                )
+            self._refuse_astray(snapshot, guard)
+            if not alone and self._heartbeat is not None and self._heartbeat.silent is not None:
+                alone = (self._heartbeat.silent,)
+                deadline = min(deadline, self._end_unguarded(self._heartbeat, alone[0], in_cut=watch is not None))
+            self._looks.watch_constants()
             if watch is not None:
                 watch(snapshot)
             if done(snapshot):
                 if self._heartbeat is not None:
                     self._heartbeat.ended()
-                if unguarded:
-                    raise DriverError(*unguarded)
+                if alone:
+                    raise DriverError(*alone)
                 return snapshot
             if self._clock.now_s() > deadline:
                 self._stop.stop(f"{what}: {timeout_s:g} s")
-                raise DriverError(*unguarded, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
+                raise DriverError(*alone, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
 
     def _refuse_faults(self, snapshot: Snapshot, what: str, faults: list[str]) -> None:
         """Stop for what is wrong; a safety device that has ended it by itself is what is told first.
@@ -97,6 +105,18 @@ class Motion:
             problems = (*problems, Problem(code="machine.fault", key=what, value=", ".join(faults)))
         if problems:
             self._stop.stop(faults[0] if faults else problems[0].key)
+            raise DriverError(*problems)
+
+    def _refuse_astray(self, snapshot: Snapshot, guard: Guard) -> None:
+        """Stop what does not do what it was told to do, at the look that shows it.
+
+        Raises:
+            DriverError: `machine.loop_open`, those of the guard, `controller.constant_differs` of the program.
+        """
+        found = (open_loop_problem(snapshot), self._looks.changed, *guard(snapshot))
+        problems = [problem for problem in found if problem is not None]
+        if problems:
+            self._stop.stop(problems[0].code)
             raise DriverError(*problems)
 
     def _end_unguarded(self, heartbeat: Heartbeat, problem: Problem, *, in_cut: bool) -> float:
@@ -114,18 +134,21 @@ class Motion:
             self._hold()
         return self._clock.now_s() + heartbeat.ends_within_s + WAY_HOME_S
 
-    def _next_look(self, deadline: float, watch: Callable[[Snapshot], None] | None) -> Snapshot:
-        """Let time pass with the lease kept, and look.
+    def _next_look(
+        self, deadline: float, watch: Callable[[Snapshot], None] | None, homed: frozenset[AxisName]
+    ) -> Snapshot:
+        """Let time pass with the lease kept, and look; `homed` are the axes that must have kept their zero.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, what moved was ended by the card; `owner.ousted`, the machine is no
-                longer ours.
+            DriverError: `heartbeat.lapsed`, what moved was ended by the card; `controller.was_reset`;
+                `owner.ousted`, the machine is no longer ours.
             StoppedError: somebody stopped the machine.
         """
         try:
             self._pause(JOG_POLL_S if watch is None else CUT_POLL_S)
             self._stop.check()
             snapshot = self._looks.look()
+            self._refuse_reset(homed, snapshot)
             if snapshot.lost and self._heartbeat is not None and self._heartbeat.guarding:
                 raise self._heartbeat.lapse()
         except DriverError as error:
@@ -135,6 +158,17 @@ class Motion:
         if self._ownership is not None:
             self._ownership.refuse_ousted()
         return snapshot
+
+    def _refuse_reset(self, homed: frozenset[AxisName], snapshot: Snapshot) -> None:
+        """Stop where positions are lost: a controller that was reset has forgotten who owned it, too.
+
+        Raises:
+            DriverError: `controller.was_reset`, `controller.home_lost`.
+        """
+        problem = reset_problem(homed, snapshot)
+        if problem is not None:
+            self._stop.stop(problem.code)
+            raise DriverError(problem)
 
     def _see_it_end(self, deadline: float, watch: Callable[[Snapshot], None] | None) -> None:
         """Look on while the card ends what has lost its host: a stop of ours would leave the tool in the part.

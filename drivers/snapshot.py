@@ -18,6 +18,7 @@ from profiles.problem import Problem
 
 FAULT_FLAGS = ("fatal_following_error", "amplifier_fault", "negative_limit", "positive_limit")
 ITEMS_PER_AXIS = 3
+REAL_TIME_PERCENT = 100.0
 
 
 class AxisName(StrEnum):
@@ -54,6 +55,7 @@ class Snapshot:
     `driven` are the axes that the controller moves; a spindle on an inverter is only read. `owner` is the number
     of the console that controls the machine, 0 nobody. `lost` is what the controller has ended without a host,
     1 a jog, 2 a cut, 0 nothing. `inputs` are the safety devices that the controller sees, True where all is well.
+    `override_percent` is the time base of programs, 100 for real time: a feed hold makes it 0.
     """
 
     asked_s: float
@@ -66,6 +68,7 @@ class Snapshot:
     driven: tuple[AxisName, ...] = tuple(AxisName)
     owner: int = 0
     lost: int = 0
+    override_percent: float = REAL_TIME_PERCENT
     inputs: Mapping[str, bool] = field(default_factory=lambda: MappingProxyType({}))
 
     def age_s(self, now_s: float) -> float:
@@ -124,6 +127,16 @@ class Snapshot:
         return not self.program_running and all("in_position" in a.flags for a in self.driven_axes)
 
     @property
+    def open_loops(self) -> tuple[AxisName, ...]:
+        """The axes that the controller should move and does not hold."""
+        return tuple(axis for axis in self.driven if not self.axis(axis).closed)
+
+    @property
+    def homed_axes(self) -> frozenset[AxisName]:
+        """The axes that have found their zero."""
+        return frozenset(axis for axis in self.driven if "home_complete" in self.axis(axis).flags)
+
+    @property
     def homed(self) -> bool:
         """Whether every axis that the controller moves has found its zero."""
         return all("home_complete" in a.flags for a in self.driven_axes)
@@ -175,6 +188,7 @@ class SnapshotItems:
         self.items = (
             *(item for motor in motors for item in (f"#{motor}P", "F", "?")),
             "&1??",
+            "%",
             f"P{reserved.OWNER}",
             f"P{reserved.LOST}",
             *dict.fromkeys(each.item for each in self.inputs),
@@ -188,7 +202,7 @@ class SnapshotItems:
         """
         try:
             tool, spindle, carriage = self._axes(replies)
-            status, owner, lost, *words = replies[3 * ITEMS_PER_AXIS :]
+            status, override, owner, lost, *words = replies[3 * ITEMS_PER_AXIS :]
             system = decode(status, self._dialect.system_bits)
             return Snapshot(
                 asked_s=asked_s,
@@ -201,6 +215,7 @@ class SnapshotItems:
                 driven=self.driven,
                 owner=int(number_of(owner)),
                 lost=int(number_of(lost)),
+                override_percent=float(override),
                 inputs=self._inputs(words),
             )
         except ValueError as error:

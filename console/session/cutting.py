@@ -23,6 +23,7 @@ from console.session.interlocks import (
 )
 from console.session.learned_store import NONE
 from console.session.made_parts import AS_FILED, MODEL, MadeWith
+from console.session.planned_cut import PlannedCut, refuse_unless_held
 from console.session.progress import CutStage, CutWatch
 from console.session.records import RunRecord
 from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, tool_clear
@@ -30,7 +31,7 @@ from console.session.stages import Stage, air_mm
 from console.session.state import Activity, Armed
 from console.session.workplace import Workplace
 from drivers.cut import CutPlan, first_spindle_counts, plan_cut
-from drivers.errors import DriverError, LinkError
+from drivers.errors import DriverError
 from drivers.safety import device_problems
 from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import way_problems
@@ -143,6 +144,7 @@ def start(place: Workplace, _: Start) -> None:
 
     Raises:
         SessionError: not armed, or what the last look showed.
+        DriverError: what ended the cut, or by what it is not the one that was planned.
         StoppedError: somebody stopped the machine.
     """
     armed = place.state.armed
@@ -158,19 +160,23 @@ def start(place: Workplace, _: Start) -> None:
     _refuse_changed(place, armed.plan)
     in_air = armed.made.stage == Stage.AIR
     plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine, in_air=in_air)
+    planned = PlannedCut(place.lathe, plan)
     place.seen = partial(_publish, place, watch, CutStage.POSITION)
     try:
         _go_to_start(place, plan)
         _refuse_unless_ready(place, plan, starting=True)
         refuse_unless(at_speed(place.lathe, armed.job))
+        refuse_unless_held(place.lathe, plan)
         place.note("started", strategy=armed.strategy.value)
         place.seen = partial(_publish, place, watch, CutStage.RUN_UP)
         place.tell(activity=Activity.CUTTING)
         place.lathe.start(plan.program.number, plan.setup.retracted)
-        last = place.lathe.follow(partial(_hold_if_asked, place), plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
+        timeout_s = plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S
+        last = place.lathe.follow(partial(_between_polls, place, planned), timeout_s, planned.guard)
     finally:
         place.seen = None
     put_back(place)
+    _refuse_another_cut(place, planned)
     _refuse_tables(place)
     _finish(place, watch, plan, last)
 
@@ -246,22 +252,31 @@ def _refuse_changed(place: Workplace, plan: CutPlan) -> None:
     devices, lathe = device_problems(place.lathe.snapshot().inputs), place.lathe
     refuse_unless(Interlock(name="safe", problems=(*devices, *way_problems(lathe.stop.way))))
     _refuse_unless_ready(place, plan, starting=False)
-    try:
-        place.lathe.holds(plan.program)
-    except LinkError:
-        raise
-    except DriverError as changed:
-        raise SessionError(*changed.problems) from changed
+    refuse_unless_held(place.lathe, plan, tables=False)  # the table is read behind the way to the start
 
 
 def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:
     place.tell(cut=watch.see(snapshot, stage, place.lathe.held, place.state.spindle_rpm))
 
 
-def _hold_if_asked(place: Workplace, _: Snapshot) -> None:
-    """Between two looks of a cut: pass the operator's hold on, once."""
+def _between_polls(place: Workplace, planned: PlannedCut, snapshot: Snapshot) -> None:
+    """Between two polls of a cut: pass the operator's hold on, once."""
+    planned.see(snapshot)
     if place.hold_asked and not place.lathe.held:
         place.lathe.hold()
+
+
+def _refuse_another_cut(place: Workplace, planned: PlannedCut) -> None:
+    """Refuse to call a cut done that is not the one that was planned: it is neither measured nor learned from.
+
+    Raises:
+        DriverError: by what it differs, and who has ended it where that is known.
+    """
+    problems = planned.problems()
+    if problems:
+        turns = None if planned.end is None else planned.end.turns
+        place.note("ended_early", turns=turns, reasons=[problem.code for problem in problems])
+        raise DriverError(*problems)
 
 
 def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) -> None:

@@ -151,7 +151,8 @@ class CutWatch:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
         elif stage is CutStage.RUN_UP and self._looks:
-            stage = CutStage.RETRACT
+            # A program that somebody else has stopped leaves the tool where it is.
+            stage = CutStage.CUT if cutting else CutStage.RETRACT
         return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, wanted_um)
 
     def figures(self) -> CutFigures | None:

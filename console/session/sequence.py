@@ -13,9 +13,10 @@ from typing import Protocol
 
 from console.session.errors import SessionError
 from console.session.interlocks import SPEED_BAND, Interlock, at_speed, of_machine, refuse_unless
+from console.session.planned_cut import PlannedCut, refuse_unless_held
 from console.session.telemetry import CutFigures, Telemetry
 from drivers.cut import CutPlan
-from drivers.errors import LinkError
+from drivers.errors import DriverError, LinkError
 from drivers.lathe import SPEED_S, Lathe
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
@@ -128,9 +129,15 @@ def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell, beside: Beside | Non
     _turn(shop, job.spindle_speed_rpm)
     tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
     refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()), shop.judge(), at_speed(lathe, job))
+    refuse_unless_held(lathe, plan)
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
-    figures = _cut(lathe, job, plan, beside)
+    planned = PlannedCut(lathe, plan)
+    figures = _cut(lathe, job, plan, planned, beside)
     lathe.restore(plan.restore)
+    _refuse_another_cut(planned)
+    if figures is None:
+        value = f"{job.cut_length_mm:g} mm"
+        raise SessionError(Problem(code="session.nothing_seen", key="cut_length_mm", value=value))
     refuse_unless(Interlock(name="no_table", problems=lathe.tables_left()))
     tell(Step.RETRACT, "")
     _prove_retracted(lathe, plan)
@@ -167,24 +174,31 @@ def _turn(shop: Shop, speed_rpm: float) -> None:
             return
 
 
-def _cut(lathe: Lathe, job: Job, plan: CutPlan, beside: Beside | None) -> CutFigures:
+def _refuse_another_cut(planned: PlannedCut) -> None:
+    """Refuse to go on with a cut that is not the one that was planned: it is neither measured nor learned from.
+
+    Raises:
+        DriverError: by what it differs, and who has ended it where that is known.
+    """
+    problems = planned.problems()
+    if problems:
+        raise DriverError(*problems)
+
+
+def _cut(lathe: Lathe, job: Job, plan: CutPlan, planned: PlannedCut, beside: Beside | None) -> CutFigures | None:
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
 
     def see(snapshot: Snapshot) -> None:
         telemetry.see(snapshot)
+        planned.see(snapshot)
         if beside is not None:
             beside.see(snapshot)
 
     if beside is not None:
         beside.begin(plan)
     lathe.start(plan.program.number, plan.setup.retracted)
-    lathe.follow(see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S)
-    figures = telemetry.figures()
-    if figures is None:
-        raise SessionError(
-            Problem(code="session.nothing_seen", key="cut_length_mm", value=f"{job.cut_length_mm:g} mm")
-        )
-    return figures
+    lathe.follow(see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, planned.guard)
+    return telemetry.figures()
 
 
 def _prove_retracted(lathe: Lathe, plan: CutPlan) -> None:

@@ -311,6 +311,9 @@ class Station:
         A tool that comes to rest in a part that still turns cuts a circle there, deeper than its path in places.
         """
         place, state = self._place, self._place.state
+        if state.standing is Standing.OBSERVER:
+            with suppress(ProblemError):  # whoever controls the machine then knows by whom its cut was ended
+                place.lathe.say_stopped()
         cut = state.cut if state.activity is Activity.CUTTING else None
         in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
         mark_mm = self._behind_face_mm() if in_part else None

@@ -1,17 +1,35 @@
-"""Loading a program into the card: sent, read back, and compared line by line. Nothing moves."""
+"""Loading a program into the controller: sent, read back, and compared, with all that stands in front of it.
+
+A program is not what moves the machine: its geometry is in the variables and the compensation table that are sent
+in front of it. So those are read back as the lines are. Nothing moves.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from drivers.errors import DriverError
 from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
+from drivers.pmac.compensation.table_text import definition_text, scan_definition
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.syntax import Program
 from drivers.pmac.language.text import format_line
+from drivers.pmac.program_constants import (
+    Constant,
+    ConstantsWatch,
+    constant_problems,
+    constants_of,
+    pointer_problems,
+    read_values,
+    word_problems,
+)
+from drivers.pmac.program_tables import TextTable
 from drivers.pmac.program_text import ProgramText
 from profiles.problem import Problem
 
@@ -19,19 +37,74 @@ SLOWEST_LINE_BYTES_PER_S = 480.0
 """Half of what 9600 baud carry: a listing may take so long, and `REPLY_TIMEOUT_S`."""
 
 
-def load_program(client: PmacClient, program: ProgramText) -> None:
-    """Send a program, list every motion program in it, and compare.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedProgram:
+    """A program that the controller holds, with the constants in front of it.
+
+    `copied` are the values of those that are copies of what the controller held when it was loaded.
+    """
+
+    program: ProgramText
+    dialect: Dialect
+    constants: tuple[Constant, ...] = ()
+    copied: Mapping[str, float] = field(default_factory=dict)
+
+    def watch(self) -> ConstantsWatch:
+        """Return what reads the constants in turn while the program runs."""
+        return ConstantsWatch(self.constants, self.copied)
+
+
+def load_program(client: PmacClient, program: ProgramText, dialect: Dialect) -> LoadedProgram:
+    """Send a program, read all of it back, and compare.
 
     Whatever goes wrong, no buffer is left open, or the error says that one may be.
 
     Raises:
         ControllerError: a line was refused; it is named.
         LinkError: the link broke or is out of step, see `PmacClient.download`.
-        DriverError: `controller.program_differs`, a buffer does not hold what was sent: line, found, sent.
+        DriverError: `controller.program_differs`, a buffer does not hold what was sent: line, found, sent;
+            `controller.constant_differs`, `controller.table_differs`.
     """
     client.request("CLOSE", lines=0)
     client.download(program.lines)
+    constants = constants_of(program, dialect)
+    copied = read_values(client, (each.name for each in constants if each.value is None))
+    loaded = LoadedProgram(program=program, dialect=dialect, constants=constants, copied=copied)
+    _refuse(constant_problems(client, constants))
+    _verify(client, loaded, tables=True, words=True)
+    return loaded
+
+
+def verify_loaded(client: PmacClient, loaded: LoadedProgram, *, ended: bool = False, tables: bool = True) -> None:
+    """Read a program back with all that stands in front of it, and compare; nothing is written.
+
+    When it has `ended`, the variables that it sets itself are left out. Without `tables` the entries of
+    compensation tables are not read: over a slow line that takes seconds.
+
+    Raises:
+        LinkError: the link broke or is out of step.
+        ControllerError: a program is not there.
+        DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
+    """
+    constants = tuple(each for each in loaded.constants if each.kept or not ended)
+    _refuse(constant_problems(client, constants, loaded.copied))
+    # A time base that was in use has changed its own words of the conversion table.
+    _verify(client, loaded, tables=tables, words=not ended)
+
+
+def _verify(client: PmacClient, loaded: LoadedProgram, *, tables: bool, words: bool) -> None:
+    program = loaded.program
     verify_program(client, program)
+    _refuse(tuple(pointer_problems(client, program)))
+    if words:
+        _refuse(tuple(word_problems(client, program)))
+    for table in program.tables if tables else ():
+        _compare_table(client, table, loaded.dialect)
+
+
+def _refuse(problems: tuple[Problem, ...]) -> None:
+    if problems:
+        raise DriverError(*problems)
 
 
 def verify_program(client: PmacClient, program: ProgramText) -> None:
@@ -80,3 +153,39 @@ def _in_our_spelling(line: str) -> str:
     with suppress(PmacError):
         return format_line(parse_line(line))
     return line
+
+
+def _compare_table(client: PmacClient, table: TextTable, dialect: Dialect) -> None:
+    """Read a compensation table back: its definition, and each of its entries.
+
+    Raises:
+        LinkError: the link broke or is out of step.
+        DriverError: `controller.table_differs`: the first entry that differs, found, sent.
+    """
+    motor, sent = table.definition.motor, table.entries
+    where = f"#{motor} COMP"
+    (defined,) = client.question(f"#{motor}LIST COMP DEF", lines=1)
+    planned = definition_text(table.definition)
+    if not _same_definition(defined, planned, motor, dialect.motor_count):
+        raise DriverError(
+            Problem(code="controller.table_differs", where=where, key="DEFINE COMP", value=defined, limit=planned)
+        )
+    bytes_expected = sum(len(str(entry)) + 1 for entry in sent)
+    timeout_s = REPLY_TIMEOUT_S + bytes_expected / SLOWEST_LINE_BYTES_PER_S
+    found = " ".join(client.question(f"#{motor}LIST COMP", timeout_s)).split()
+    for place, (met, entry) in enumerate(zip_longest(found, map(str, sent), fillvalue=""), start=1):
+        if met != entry:
+            key = f"entry {place}"
+            raise DriverError(
+                Problem(code="controller.table_differs", where=where, key=key, value=met, limit=entry)
+            )
+
+
+def _same_definition(reported: str, planned: str, motor: int, motor_count: int) -> bool:
+    """Whether two definitions say the same, however they are spelled."""
+    if reported.strip() == planned:
+        return True
+    with suppress(PmacError):
+        read = [scan_definition(Scanner(text), motor, motor_count) for text in (reported.strip(), planned)]
+        return read[0] == read[1]
+    return False

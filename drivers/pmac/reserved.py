@@ -1,6 +1,6 @@
 """The variables and PLCs of a controller that belong to the console; nobody else may use them.
 
-They are above those that programs of the console calculate with (P11 to P42), and there in both families. Besides
+They are above those that programs of the console calculate with (P11 to P44), and there in both families. Besides
 them the heartbeat has P1006 to P1010, M71 and M1000 to M1014 (`heartbeat/registers.py`), on a Turbo I5112 as a
 second timer; a cut on the spindle's time has M199, one on a table the M-variable of the tool's correction.
 """
@@ -33,3 +33,6 @@ LOST = 1004
 
 RETRACTED = 1005
 """P-variable: where the tool is to go when a cut is ended, counts of its motor."""
+
+STOPPED_BY = 1011
+"""P-variable: the number of a console that looked on and has stopped the machine; written behind its stop."""

@@ -10,6 +10,8 @@ from itertools import groupby
 
 LOOK = re.compile(r"(?P<lease>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
 LEASE = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
+CONSTANTS = re.compile(r"(?:M\d+|I\d+)=\d+(?: P\d+)+")
+"""Some constants of the program that runs, read between two looks."""
 UNFOLDED = 2
 """So many looks in a row stand there as they are."""
 
@@ -29,7 +31,7 @@ class Exchange:
     @property
     def waits(self) -> bool:
         """Whether somebody only looks on, or renews the lease."""
-        return LOOK.fullmatch(self.said) is not None or LEASE.fullmatch(self.said) is not None
+        return any(each.fullmatch(self.said) is not None for each in (LOOK, LEASE, CONSTANTS))
 
 
 def exchanges(lines: Sequence[str]) -> list[Exchange]:

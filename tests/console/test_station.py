@@ -135,32 +135,33 @@ def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
     assert measured is not None and measured.result.ront_um < 0.3
 
 
-def test_a_stop_in_mid_cut_says_where_it_marked_the_part(aligned: Floor) -> None:
+def test_a_stop_in_mid_cut_says_where_it_marked_the_part(floor: Floor) -> None:
     """The part goes on turning before a tool that stands still; another cut at the same depth does not reach that.
 
     The part is measured in the middle of its 4 mm, where this stop comes. The path is 100 ± 27.5 um deep: of the
     lobe that it mirrors, the tool has taken away what is less deep than where it stood.
     """
     job = experiment_1(4.0)
-    aligned.arm(job)
+    floor.set_up(job)
+    floor.arm(job)
     half_done = 2.0 / job.feed_mm_per_rev - 0.6
-    aligned.when(lambda _: in_the_part(aligned, half_done), lambda: aligned.stop.stop("space"))
-    state = aligned.do(Start())
+    floor.when(lambda _: in_the_part(floor, half_done), lambda: floor.stop.stop("space"))
+    state = floor.do(Start())
     assert state.stop is not None and state.stop.of_cut and state.snapshot is not None
     # The face is 30 mm before the jaws at 40 mm; the carriage has 1000 counts a mm.
     assert state.marks_mm == (state.stop.mark_mm,)
     assert state.stop.mark_mm == pytest.approx(state.snapshot.carriage.position / 1000.0 - 10.0)
     assert state.stop.mark_mm == pytest.approx(2.0, abs=0.1)
-    assert aligned.place.plan is not None
-    stood_um = 0.2 * (state.snapshot.tool.position - aligned.place.plan.setup.surface)
-    aligned.do(Recover())
-    aligned.do(Retract())
-    aligned.arm(job)
-    assert aligned.do(Start()).marks_mm == state.marks_mm
-    measured = aligned.do(Measure()).measured
+    assert floor.place.plan is not None
+    stood_um = 0.2 * (state.snapshot.tool.position - floor.place.plan.setup.surface)
+    floor.do(Recover())
+    floor.do(Retract())
+    floor.arm(job)
+    assert floor.do(Start()).marks_mm == state.marks_mm
+    measured = floor.do(Measure()).measured
     assert measured is not None and measured.marks_mm == state.marks_mm
     assert measured.result.ront_um == pytest.approx(min(max(stood_um - 72.5, 0.0), 55.0), abs=1.5)
-    assert aligned.do(ConfirmClamping(job=job)).marks_mm == ()
+    assert floor.do(ConfirmClamping(job=job)).marks_mm == ()
 
 
 def test_a_hold_and_a_stop_beside_the_part_leave_no_mark(aligned: Floor) -> None:

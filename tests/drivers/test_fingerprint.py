@@ -97,7 +97,7 @@ def test_what_the_console_does_for_a_cut_is_no_change(machine: MachineProfile, s
     card, before = prepared(machine)
     plan = plan_cut(load_job("lee-2001-experiment-1").job, machine, strategy)
     Heartbeat(card.client, card.sim, machine).prepare()
-    load_program(card.client, plan.program)
+    load_program(card.client, plan.program, card.dialect)
     card.tell(*plan.restore, "P1000=77", "P11=3", "M26=1", f"I{card.dialect.system_index(1, 87)}=10")
     assert told(card, before) == []
 

@@ -15,7 +15,7 @@ from profiles.machine import MachineProfile
 from tests.drivers.recorded_line import Recorded, recorded
 
 TEXT = """
-I190=1000
+P7=1000
 OPEN PROG 501 CLEAR
 P3=P3*2
 RETURN
@@ -57,7 +57,7 @@ def stored(bench: Recorded) -> dict[int, int]:
 
 
 def test_a_program_is_loaded_with_its_subprogram_and_listed(bench: Recorded) -> None:
-    load_program(bench.client, read_program(TEXT))
+    load_program(bench.client, read_program(TEXT), bench.client.dialect)
     assert stored(bench) == {501: 2, 1007: 7}
     assert bench.times_sent("LIST PROG1007") == bench.times_sent("LIST PROG501") == 1
     assert not bench.client.buffer_may_be_open
@@ -89,7 +89,7 @@ def test_a_fault_at_any_line_leaves_no_buffer_open_and_no_line_is_sent_twice(
     bench.client.request("P2=51")
     assert bench.sim.controller.open_buffer is None
     assert (stored(bench), bench.value(2)) == (before, 51), "it is carried out, and not stored"
-    load_program(bench.client, program)
+    load_program(bench.client, program, bench.client.dialect)
     assert stored(bench) == {501: 2, 1007: 7}
 
 
@@ -195,7 +195,7 @@ def test_what_the_card_holds_otherwise_is_named_with_its_line(
     bench: Recorded, stranger: list[str], where: str, line: str, met: str, sent: str
 ) -> None:
     program = read_program(TEXT)
-    load_program(bench.client, program)
+    load_program(bench.client, program, bench.client.dialect)
     bench.client.download(stranger)
     with pytest.raises(DriverError) as differs:
         verify_program(bench.client, program)
@@ -213,7 +213,7 @@ def test_a_program_that_is_not_there_is_refused(bench: Recorded) -> None:
 def test_a_listing_in_another_spelling_is_the_same_program(bench: Recorded) -> None:
     """Manuals print LIN for LINEAR and WHILE (P1 < 3); spaces and case are free."""
     program = read_program(TEXT)
-    load_program(bench.client, program)
+    load_program(bench.client, program, bench.client.dialect)
     ask = bench.client.question
     spelled = {"LINEAR TA100 TS0 TM1000": "lin ta100 ts0 tm1000", "WHILE(P1<3)": "WHILE (P1 < 3)"}
 
@@ -228,7 +228,7 @@ def test_a_long_program_is_read_back_over_a_slow_line(bench: Recorded) -> None:
     """600 lines of 18 characters are 11 kB: 11 s at 9600 baud, far more than a reply may take."""
     lines = "\n".join(f"X{1000 + n}.125 Y{2000 + n}.25" for n in range(600))
     program = read_program(f"OPEN PROG 4 CLEAR\n{lines}\nCLOSE\n")
-    load_program(bench.client, program)
+    load_program(bench.client, program, bench.client.dialect)
     bench.sim.faults.inject("9600-baud")
     before_s = bench.sim.now_s()
     verify_program(bench.client, program)
@@ -238,7 +238,7 @@ def test_a_long_program_is_read_back_over_a_slow_line(bench: Recorded) -> None:
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_listing_that_a_fault_spoils_is_asked_for_once_more(bench: Recorded, fault: str) -> None:
     program = read_program(TEXT)
-    load_program(bench.client, program)
+    load_program(bench.client, program, bench.client.dialect)
     bench.line.sent.clear()
     bench.inject(fault, **FAULTS[fault])
     verify_program(bench.client, program)

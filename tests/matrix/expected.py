@@ -52,6 +52,8 @@ TRIPPED = (SAME, *(FAULT_K,) * 6, "stopped, ^A (^K): machine.fault")
 AT_A_LIMIT = (SAME, *(FAULT_A,) * 7)
 SET_OTHERWISE = (SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME, SAME, SAME)
 OUT_OF_PHASE = "stopped, ^K: cut.out_of_phase machine.fault"
+TRIPPED_BLIND = f"{OUT_OF_PHASE} or {FAULT_K}"
+"""Half a second of looks tells the phase; a loop that sees nothing may trip before."""
 
 _ROWS: Mapping[str, tuple[str, ...]] = {
     # drives off, idle, jogging the carriage, homing, downloading, armed, cutting, stopping a cut
@@ -82,7 +84,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "hang, 0.4 s": LATE,
     "hang": MUTE,
     # At rest an encoder that does not count is as one that does.
-    "encoder-loss, tool": (SAME, SAME, SAME, FAULT_K, SAME, SAME, OUT_OF_PHASE, SAME),
+    "encoder-loss, tool": (SAME, SAME, SAME, FAULT_K, SAME, SAME, TRIPPED_BLIND, SAME),
     "encoder-loss, spindle": (SAME, SAME, SAME, FAULT_K, SAME, SAME, FAULT_K, SAME),
     # The rest of this cut is 0.4 mm of Z, and the fatal following error 1 mm: it never arrives, and does not trip.
     "encoder-loss, carriage": (SAME, SAME, FAULT_K, FAULT_K, SAME, SAME, TIMEOUT, SAME),
@@ -112,12 +114,12 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "slow-background": UNHARMED,
     "slow-background, 2.5 s": MUTE,
     # Settings are compared where something is armed; what was armed before is refused at its start.
-    # Half the gain of the tool is a lag that is seen in a cut.
+    # Half the gain of the tool is a lag that is seen in a cut. A cut with other settings is not the planned one.
     "stranger-writes, a gain": (
         *(SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME),
-        *("ready, lines: cut.out_of_phase", SAME),
+        *("stopped, ^A: cut.out_of_phase controller.setting", SAME),
     ),
-    "stranger-writes, a limit": SET_OTHERWISE,
+    "stranger-writes, a limit": (*SET_OTHERWISE[:6], "stopped, ^A: controller.setting", SAME),
     # What moves is no longer guarded: it is stopped; a cut ends at the end of its turn before. The jog is over.
     "stranger-writes, no PLCs": (SAME, SAME, SAME, UNGUARDED, NOT_AS_IT_WAS, SAME, UNGUARDED, SAME),
     # As a lost reply: the settings of the line are made again.
@@ -129,7 +131,12 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     ),
     # What it moves is not ours; drives that come on where hands may be are switched off.
     "stranger-writes, a jog": (
-        *("stopped, ^K: machine.energised", SAME, "stopped, ^A: machine.not_arrived", SAME),
+        *(
+            "stopped, ^K: machine.energised",
+            SAME,
+            "stopped, ^A: machine.not_arrived or stopped, ^A: machine.jog_astray",
+        ),
+        "stopped, ^A: machine.unexpected_motion",
         *("ready, lines: machine.moving", SAME, SAME, SAME),
     ),
 }

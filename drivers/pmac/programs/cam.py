@@ -16,7 +16,7 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.cam_table import Cam
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
 from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S
-from drivers.pmac.programs.setup import HOLD_FLAG, SERVO, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import END_MARKS, HOLD_FLAG, SERVO, CutSetup, refuse_endless
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -104,6 +104,7 @@ def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]
         "turn": number(turn_ms / segment_ms),
         "segment": segment_ms,
         "flag": HOLD_FLAG,
+        "end_marks": END_MARKS,
         "go_on": setup.go_on,
     }
 
@@ -150,7 +151,7 @@ P21={z} ; carriage clear of the part, the amplitude is whole
 P23={turns} ; turns of the cut
 P32={turn} ; segments in one turn
 P35={zero_z} ; carriage in the row of zeros
-CLOSE
+{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 {flag}=0 ; the host sets it to end the cut at the end of a turn
@@ -177,6 +178,7 @@ ENDIF
 P25=P25+1
 X(P11):0{y} Z(P21+P18*P25):(P19)
 ENDWHILE
+P43=P30 ; turns of the cut
 P29=P21+P18*P25 ; carriage at the end of the cut
 P33=0
 IF(P30>0) P33=P19
@@ -194,6 +196,7 @@ P34=P34+1
 DWELL{look}
 ENDWHILE
 IF({register}=0) I51=0 ; the table is off; what the register holds would stay added
+P44=1
 ENDIF
 CLOSE
 """

@@ -91,6 +91,7 @@ P37=P37+(P40-P37)*{share}
 P38=P15*(P37*COS(P41)-P36*SIN(P41))
 X(P11+P12*(P36*COS(P41)+P37*SIN(P41))):(P38) Y(P28+P16*P25):(P17) Z(P21+P18*P25):(P19)
 ENDWHILE
+P43=P30 ; turns of the cut
 P29=P21+P18*P25 ; carriage at the end of the cut
 P33=0
 IF(P30>0) P33=P19

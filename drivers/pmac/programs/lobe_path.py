@@ -30,6 +30,7 @@ P25=P25+1
 P27=P14+P13*P25
 X(P11+P12*COS(P27)):(-P15*SIN(P27)){y} Z(P21+P18*(P25-P24)):(P19)
 ENDWHILE
+P43=P30 ; turns of the cut
 P29=P21+P18*(P25-P24) ; carriage at the end of the cut
 P33=0
 IF(P30>0) P33=P19

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import HOLD_FLAG, CutSetup
+from drivers.pmac.programs.setup import END_MARKS, HOLD_FLAG, CutSetup
 from drivers.pmac.trajectory.linear import Limits, LinearMove, effective_timing
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -85,6 +85,7 @@ def paper_program(job: Job, machine: MachineProfile, setup: CutSetup, ts_ms: int
         "slow": RUN_UP_MS,
         "slow_ts": RUN_UP_MS // 4,
         "flag": HOLD_FLAG,
+        "end_marks": END_MARKS.replace(" ; ", " ; ours: "),
         "go_on": setup.go_on,
         "program": PROGRAM_NUMBER,
     }
@@ -110,7 +111,7 @@ P600={feed} ; ours: carriage counts in one move
 P610={moves} ; ours: moves to the end of the cut, whole turns
 P620=P300*{run_up} ; ours: run-up, a whole number of lobes
 P621={run_up_ms} ; ours: its time, ms
-CLOSE
+{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 LINEAR ; ours
@@ -129,8 +130,10 @@ P630=P630+2 ; ours
 P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(P500) Z(P600) ; Z is ours
 P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(-P500) Z(P600)
 ENDWHILE
+P43=P630/{segments_a_turn} ; ours: turns of the cut
 TA10 TS10 TM{retract_ms} X-{retract} Y(P300*{retract_turn}) ; printed X10000: 2 mm into the part
 TM(P621) Y(P620) ; ours: the spindle turns on until the tool is out
 TA{slow} TS{slow_ts} ; ours: and runs down
+P44=1 ; ours
 CLOSE
 """

@@ -18,7 +18,7 @@ import numpy as np
 
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.lobe_path import LOBE_PATH, SPINDLE_STEP
-from drivers.pmac.programs.setup import HOLD_FLAG, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import END_MARKS, HOLD_FLAG, CutSetup, refuse_endless
 from profiles.compensation import LobedPath
 from profiles.job import Job
 
@@ -178,6 +178,7 @@ def path_values(
         "approach": timing.approach_ms,
         "segment": timing.segment_ms,
         "flag": HOLD_FLAG,
+        "end_marks": END_MARKS,
         "go_on": setup.go_on,
     }
 
@@ -201,7 +202,7 @@ P23={turns} ; turns of the cut
 P24={ramp} ; segments in which the amplitude grows
 P28=P22+{before} ; spindle at the first segment
 P32={turn} ; segments in one turn
-CLOSE
+{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 ABS
@@ -219,5 +220,6 @@ P29=P29+P33*{out_ms}/3000
 PVT{half} ; the spindle runs down
 X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
 X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
+P44=1
 CLOSE
 """

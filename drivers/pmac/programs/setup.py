@@ -18,6 +18,14 @@ MOST_MOVES = 100_000
 HOLD_FLAG = "M26"
 """What a host sets to 1 to end a cut before its time, at the end of a turn; every program looks at it."""
 
+TURNS_CUT, FINISHED = "P43", "P44"
+"""What every program says of itself: the turns that it has begun, and 1 once it has come to its last line.
+
+Both are 0 when it is loaded. A program that somebody else ends never comes there, or with fewer turns.
+"""
+
+END_MARKS = f"{TURNS_CUT}=0 ; turns of the cut\n{FINISHED}=0 ; 1 at the end of the program\n"
+
 SERVO = "servo"
 """A spindle whose loop the card closes; any other is only followed."""
 

@@ -114,7 +114,7 @@ def timebase_program(
     }
     turned = machine.spindle.drive == SERVO
     head = _HEAD.replace("{spindle_up}", _SPINDLE_UP if turned else "")
-    return (head + LOBE_PATH + _END + (_SPINDLE_DOWN if turned else "") + "ENDIF\nCLOSE\n").format(**values)
+    return (head + LOBE_PATH + _END + (_SPINDLE_DOWN if turned else "") + "P44=1\nENDIF\nCLOSE\n").format(**values)
 
 
 def _clock_values(machine: MachineProfile, clock: SpindleClock, dialect: Dialect) -> dict[str, object]:
@@ -194,7 +194,7 @@ P21={z} ; carriage clear of the part
 P23={turns} ; turns of the cut
 P24={ramp} ; segments in which the amplitude grows
 P32={turn} ; segments in one turn
-CLOSE
+{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 ABS

@@ -1,0 +1,109 @@
+"""What a cut may do while it runs, from its plan; and whether what was cut is what was planned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from drivers.cutting.plan import CutPlan, Strategy
+from drivers.guards import AxisRange, ProgramGuard
+from drivers.pmac.axes import read_definitions
+from drivers.snapshot import AxisName, Snapshot
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+TOOL_MARGIN_UM = 30.0
+"""Beyond the planned extent: what a trim within the cut adds, and the rounding of a table."""
+
+CARRIAGE_MARGIN_MM = 0.1
+SPINDLE_MARGIN_DEG = 5.0
+LENGTH_MARGIN_MM = 0.2
+"""By so much less than planned the carriage may be seen to go: between two polls it comes to rest."""
+
+
+def cut_ranges(plan: CutPlan, machine: MachineProfile) -> tuple[AxisRange, ...]:
+    """Return where the axes of the program may be commanded to be, with a margin."""
+    return tuple(
+        AxisRange(
+            axis=axis,
+            low=plan.checked.lowest[motor] - margin,
+            high=plan.checked.highest[motor] + margin,
+        )
+        for axis, motor, margin in _axes(plan, machine)
+    )
+
+
+def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
+    """Return what judges each poll of this cut."""
+    return ProgramGuard(cut_ranges(plan, machine), real_time=plan.strategy is not Strategy.TIMEBASE)
+
+
+def _axes(plan: CutPlan, machine: MachineProfile) -> Iterator[tuple[AxisName, int, float]]:
+    """Give the axes that the program itself moves, their motors, and their margins in counts."""
+    programmed = {definition.motor for definition in read_definitions(plan.axis_definitions)}
+    tool, spindle, carriage = machine.tool, machine.spindle, machine.carriage
+    margins = (
+        (AxisName.TOOL, tool.motor, TOOL_MARGIN_UM / tool.count_um),
+        (AxisName.SPINDLE, spindle.motor, SPINDLE_MARGIN_DEG / 360.0 * spindle.counts_per_rev),
+        (AxisName.CARRIAGE, carriage.motor, CARRIAGE_MARGIN_MM * carriage.counts_per_mm),
+    )
+    return (each for each in margins if each[1] in programmed)
+
+
+class CutLength:
+    """How far the carriage was seen to go in a cut: what its program says of itself is not the only witness."""
+
+    def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
+        self._planned = plan.checked.highest[machine.carriage.motor]
+        self._begin, self._per_mm = plan.carriage_start, machine.carriage.counts_per_mm
+        self._highest = float("-inf")
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take in a poll of the cut."""
+        self._highest = max(self._highest, snapshot.carriage.commanded)
+
+    @property
+    def problem(self) -> Problem | None:
+        """Return that less was cut than planned, None where the whole length was."""
+        if self._highest >= self._planned - LENGTH_MARGIN_MM * self._per_mm:
+            return None
+        met, planned = (max(end - self._begin, 0.0) / self._per_mm for end in (self._highest, self._planned))
+        return Problem(code="cut.length_short", key="carriage", value=f"{met:.2f} mm", limit=f"{planned:.2f} mm")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramEnd:
+    """What the program of a cut says of its end, read when it runs no more.
+
+    `turns` are those of the cut, `finished` whether it came to its last line, `hold_asked` whether its flag was
+    set, `stopped_by` the number of the console that says that it has stopped the machine, 0 none.
+    """
+
+    turns: float
+    finished: bool
+    hold_asked: bool = False
+    stopped_by: int = 0
+
+
+def end_problems(plan: CutPlan, end: ProgramEnd, length: CutLength, *, held: bool) -> tuple[Problem, ...]:
+    """Return why a cut that has ended is not the one that was planned, and who ended it where that is known.
+
+    `held` is whether this console has asked it to end early; then it only has to have come to its end.
+    """
+    planned = plan.setup.whole_turns
+    short = end.turns != planned or length.problem is not None
+    if end.finished and (held or not short):
+        return ()
+    early = Problem(code="cut.ended_early", value=f"{end.turns:g}", limit=f"{planned}")
+    return (early, *_reason(end, length, held=held))
+
+
+def _reason(end: ProgramEnd, length: CutLength, *, held: bool) -> Iterator[Problem]:
+    if end.stopped_by:
+        yield Problem(code="cut.stopped_by_console", value=str(end.stopped_by))
+    elif not end.finished:
+        yield Problem(code="cut.stopped_by_another")
+    elif end.hold_asked and not held:
+        yield Problem(code="cut.held_by_another")
+    elif length.problem is not None:
+        yield length.problem

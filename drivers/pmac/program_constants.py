@@ -1,0 +1,216 @@
+"""The values that a program is downloaded with, as planned and as the controller holds them.
+
+The geometry of a cut stands in variables that are set in front of its program, each by one line: a wrong digit on
+the way, or another host, changes the cut without changing the program. So each of them is read back.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.foreseen import number_of
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.evaluate import evaluate
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.syntax import (
+    Assign,
+    Expression,
+    Number,
+    Program,
+    Variable,
+    VariableKind,
+)
+from drivers.pmac.language.text import format_number
+from drivers.pmac.memory import Pointer, scan_pointer
+from drivers.pmac.program_text import ProgramText
+from drivers.pmac.variables import VariableStore
+from profiles.problem import Problem
+
+RELATIVE = 1e-8
+"""Controllers report variables with some ten digits; a digit behind the eighth changes no part: the lobe angle of
+one segment, off by so much, is off by 0.02 degrees of lobe after 10,000 segments."""
+
+ITEMS_A_LINE = 30
+_HIGHEST_ADDRESS = 0xFFFFFF
+_POINTER = re.compile(r"(M\d+)->(.+)", re.IGNORECASE)
+_WORDS = re.compile(r"W([XY]):\$([0-9A-F]+),(.+)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Constant:
+    """A variable that is set in front of a program: `P11`, and the value that it was given.
+
+    `value` is None where it is a copy of what the controller holds in `copied_from`. `kept` is whether it stays
+    the same while the program runs and when it has ended: a P-variable that the program does not set itself.
+    """
+
+    name: str
+    value: float | None
+    copied_from: str = ""
+    kept: bool = True
+
+
+def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]:
+    """Return what is set in front of a program, each variable once, in order.
+
+    Raises:
+        PmacError: an expression that has no value.
+    """
+    store, changed = VariableStore(dialect=dialect), _assigned(program)
+    found: dict[str, Constant] = {}
+    for statement in (each for line in program.settings for each in line):
+        if not isinstance(statement, Assign):
+            continue
+        index = int(evaluate(statement.target.index, store))
+        name, source = f"{statement.target.kind}{index}", _source(statement.value, found)
+        value = None
+        if not source:
+            value = evaluate(statement.value, store)
+            store.set(statement.target.kind, index, value)
+        found.pop(name, None)
+        kept = statement.target.kind is VariableKind.P and name not in changed
+        found[name] = Constant(name=name, value=value, copied_from=source, kept=kept)
+    return tuple(found.values())
+
+
+def _source(expression: Expression, known: Mapping[str, Constant]) -> str:
+    """Return the variable of the controller that a value is a copy of, "" where it is a number of ours."""
+    if isinstance(expression, Variable) and isinstance(expression.index, Number):
+        name = f"{expression.kind}{int(expression.index.value)}"
+        return "" if name in known else name
+    return ""
+
+
+def _assigned(program: ProgramText) -> frozenset[str]:
+    """Return the variables that the program itself sets."""
+    texts: Sequence[Program] = (program.program, *program.subprograms.values())
+    return frozenset(
+        f"{statement.target.kind}{int(statement.target.index.value)}"
+        for lines in texts
+        for line in lines
+        for statement in line
+        if isinstance(statement, Assign) and isinstance(statement.target.index, Number)
+    )
+
+
+def read_values(client: PmacClient, names: Iterable[str]) -> dict[str, float]:
+    """Ask for variables, as many in a line as the controller takes.
+
+    Raises:
+        DriverError: the link broke, or the controller refused to answer.
+    """
+    asked = list(dict.fromkeys(names))
+    found: dict[str, float] = {}
+    for start in range(0, len(asked), ITEMS_A_LINE):
+        part = asked[start : start + ITEMS_A_LINE]
+        found.update(zip(part, client.numbers(*part, again=True), strict=True))
+    return found
+
+
+def value_problem(constant: Constant, met: float, planned: float) -> Problem | None:
+    """Return what is wrong with a value that was read, None where it is as planned."""
+    if math.isclose(met, planned, rel_tol=RELATIVE, abs_tol=RELATIVE):
+        return None
+    value, limit = format_number(met), format_number(planned)
+    return Problem(code="controller.constant_differs", key=constant.name, value=value, limit=limit)
+
+
+def constant_problems(
+    client: PmacClient, constants: Sequence[Constant], copied: Mapping[str, float] | None = None
+) -> tuple[Problem, ...]:
+    """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`.
+
+    Raises:
+        DriverError: the link broke, or the controller refused to answer.
+    """
+    sources = [each.copied_from for each in constants if each.copied_from and copied is None]
+    found = read_values(client, (*(each.name for each in constants), *sources))
+    problems = []
+    for each in constants:
+        planned = each.value
+        if planned is None:
+            planned = found[each.copied_from] if copied is None else copied[each.name]
+        problems.append(value_problem(each, found[each.name], planned))
+    return tuple(problem for problem in problems if problem is not None)
+
+
+def pointer_problems(client: PmacClient, program: ProgramText) -> Iterator[Problem]:
+    """Compare the M-variable definitions in front of a program with what the controller has.
+
+    Raises:
+        DriverError: the link broke, or the controller refused to answer.
+    """
+    planned = {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
+    if not planned:
+        return
+    for (name, text), met in zip(
+        planned.items(), client.query(*(f"{name}->" for name in planned), again=True), strict=True
+    ):
+        if _pointer(_definition(met)) != _pointer(text):
+            yield Problem(code="controller.constant_differs", key=f"{name}->", value=_definition(met), limit=text)
+
+
+def word_problems(client: PmacClient, program: ProgramText) -> Iterator[Problem]:
+    """Compare the words of memory that are written in front of a program, such as a conversion table's.
+
+    Raises:
+        DriverError: the link broke, or the controller refused to answer.
+    """
+    for text in program.commands:
+        found = _WORDS.fullmatch(text)
+        if found is None:
+            continue
+        planned = [int(number_of(word)) for word in found[3].split(",")]
+        place = f"{found[1].upper()}:${found[2].upper()}"
+        (met,) = client.query(f"RH{place},{len(planned)}", again=True)
+        if _hexadecimal(met) != planned:
+            limit = " ".join(f"{word:X}" for word in planned)
+            yield Problem(code="controller.constant_differs", key=place, value=met.strip(), limit=limit)
+
+
+def _definition(reported: str) -> str:
+    """Return what a variable points at, in whatever form I9 has it answered (`M169->D:$46`)."""
+    return reported.strip().rpartition("->")[2]
+
+
+def _pointer(text: str) -> Pointer | str | None:
+    try:
+        return scan_pointer(Scanner(text), _HIGHEST_ADDRESS)
+    except PmacError:
+        return text
+
+
+def _hexadecimal(text: str) -> list[int] | None:
+    try:
+        return [int(word, 16) for word in text.split()]
+    except ValueError:
+        return None
+
+
+class ConstantsWatch:
+    """The constants of a program that runs, to be read a few at a time: a change is seen while it runs."""
+
+    def __init__(self, constants: Sequence[Constant], copied: Mapping[str, float]) -> None:
+        """`copied` are the values of those that are copies of what the controller held."""
+        self._planned = {
+            each.name: (each, copied[each.name] if each.value is None else each.value)
+            for each in constants
+            if each.kept
+        }
+        self._turn = cycle(self._planned)
+
+    def names(self, count: int) -> tuple[str, ...]:
+        """Return the next ones to ask for, each once."""
+        return tuple(islice(self._turn, min(count, len(self._planned))))
+
+    def see(self, names: Sequence[str], values: Sequence[float]) -> Problem | None:
+        """Judge the values of `names`; return the first that is not as planned."""
+        met = zip(names, values, strict=True)
+        problems = (value_problem(self._planned[name][0], value, self._planned[name][1]) for name, value in met)
+        return next((problem for problem in problems if problem is not None), None)
