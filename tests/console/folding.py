@@ -12,6 +12,7 @@ LOOK = re.compile(r"(?P<lease>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
 LEASE = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
 CONSTANTS = re.compile(r"(?:M\d+|I\d+)=\d+(?: P\d+)+")
 """Some constants of the program that runs, read between two looks."""
+LONG_ANSWER = 8
 UNFOLDED = 2
 """So many looks in a row stand there as they are."""
 
@@ -45,12 +46,29 @@ def exchanges(lines: Sequence[str]) -> list[Exchange]:
 
 
 def folded(lines: Sequence[str]) -> list[str]:
-    """Return the lines, of each wait the first and the last look, and at the end what identifies every byte."""
+    """Return the lines, of each wait the first and the last look, and at the end what identifies every byte.
+
+    A long answer that was given before is not repeated.
+    """
     shown: list[str] = []
-    for _, group in groupby(exchanges(lines), key=lambda each: each.waits):
-        shown += _folded(tuple(group))
+    given: set[tuple[str, ...]] = set()
+    for waits, group in groupby(exchanges(lines), key=lambda each: each.waits):
+        for part in (tuple(group),) if waits else ((each,) for each in group):
+            shown += _folded(part) if waits else _once(part[0], given)
     text = "".join(f"{line}\n" for line in lines)
     return [*shown, f"# {len(lines)} lines, sha256 {sha256(text.encode('utf-8')).hexdigest()}"]
+
+
+def _once(exchange: Exchange, given: set[tuple[str, ...]]) -> Iterator[str]:
+    """Give the lines of an exchange, without a long answer that was given before."""
+    words = tuple(line.partition(" ")[2] for line in exchange.lines)
+    if len(words) <= LONG_ANSWER or words not in given:
+        given.add(words)
+        yield from exchange.lines
+        return
+    yield exchange.lines[0]
+    yield f"# {len(words) - 2} more lines, as they were answered before"
+    yield exchange.lines[-1]
 
 
 def _folded(group: Sequence[Exchange]) -> Iterator[str]:
