@@ -12,7 +12,8 @@ LOOK = re.compile(r"(?P<lease>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
 LEASE = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
 CONSTANTS = re.compile(r"(?:M\d+|I\d+)=\d+(?: P\d+)+")
 """Some constants of the program that runs, read between two looks."""
-LONG_ANSWER = 8
+ENTRIES = re.compile(r"-?\d+(?: -?\d+){15}")
+LONG_ANSWER = 4
 UNFOLDED = 2
 """So many looks in a row stand there as they are."""
 
@@ -48,13 +49,18 @@ def exchanges(lines: Sequence[str]) -> list[Exchange]:
 def folded(lines: Sequence[str]) -> list[str]:
     """Return the lines, of each wait the first and the last look, and at the end what identifies every byte.
 
-    A long answer that was given before is not repeated.
+    A long answer that was given before is not repeated, nor are the entries of a table: it is read back.
     """
     shown: list[str] = []
     given: set[tuple[str, ...]] = set()
+    entries = 0
     for waits, group in groupby(exchanges(lines), key=lambda each: each.waits):
-        for part in (tuple(group),) if waits else ((each,) for each in group):
-            shown += _folded(part) if waits else _once(part[0], given)
+        if waits:
+            shown += _folded(tuple(group))
+            continue
+        for each in group:
+            entries = entries + 1 if ENTRIES.fullmatch(each.said) else 0
+            shown += _once(each, given) if entries <= UNFOLDED else ()
     text = "".join(f"{line}\n" for line in lines)
     return [*shown, f"# {len(lines)} lines, sha256 {sha256(text.encode('utf-8')).hexdigest()}"]
 

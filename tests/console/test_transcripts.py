@@ -119,8 +119,12 @@ def test_the_part_of_a_transcript_is_round(family: str, strategy: Strategy) -> N
 def test_only_waiting_is_folded_and_no_byte_is_lost_on_the_way(family: str, strategy: Strategy) -> None:
     lines = list(transcript(family, strategy)[0])
     kept = [line for line in folded(lines) if not line.startswith("# ")]
-    waits = [line for each in exchanges(lines) if each.waits for line in each.lines]
-    assert [line for line in kept if line not in set(waits)] == [line for line in lines if line not in set(waits)]
+    waits = {line for each in exchanges(lines) if each.waits for line in each.lines}
+    shown = {line.partition(" ")[2] for line in kept}
+    assert kept == [line for line in lines if line in set(kept)]
+    lines_read_back = {line.partition(" ")[2].removeprefix("< ") for line in kept}
+    hidden_words = {line.partition(" ")[2] for line in lines if line not in waits} - shown
+    assert {words.removeprefix("> ") for words in hidden_words} <= lines_read_back
     looks = [n for n, line in enumerate(lines) if " > " in line and "#1P F ?" in line]
     hidden = looks[len(looks) // 2] + 1
     assert folded([*lines[:hidden], lines[hidden] + "0", *lines[hidden + 1 :]])[-1] != folded(lines)[-1]

@@ -107,8 +107,8 @@ def test_a_program_that_has_ended_is_no_stall() -> None:
 
 
 def test_a_controller_without_any_home_and_with_open_loops_was_reset() -> None:
-    off = {axis.value: state(0.0, OFF) for axis in AxisName}
-    problem = reset_problem(frozenset(AxisName), seen(**off))
+    off = state(0.0, OFF)
+    problem = reset_problem(frozenset(AxisName), seen(tool=off, spindle=off, carriage=off))
     assert problem is not None and problem.code == "controller.was_reset"
 
 
