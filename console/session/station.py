@@ -19,6 +19,7 @@ from console.session.clearance import behind_face_mm, tool_in_part
 from console.session.collisions import COLLISION_CODES, collision_problems
 from console.session.cutting import put_back
 from console.session.errors import SessionError
+from console.session.home_watch import watch_home
 from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
 from console.session.orders import ORDERS
 from console.session.progress import PHASE_LIMIT_DEG, RUNNING, CutStage
@@ -81,6 +82,7 @@ class Station:
             round_trip_ms=1000.0 * place.lathe.round_trip_s,
         )
         place.tell_standing()
+        watch_home(place, state, snapshot)
         self._watch_devices(state.snapshot, snapshot)
         self._watch_guard()
         watch_stop_way(place)

@@ -1,0 +1,176 @@
+"""A cut that another host changes, holds or ends is not the planned one: it is said so, and not measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from console.session.intents import Hold, Home, Jog, Measure, Recover, Start, SwitchOn
+from console.session.records import FILE_NAME
+from console.session.state import Activity, StationState
+from drivers.cut import Strategy
+from drivers.snapshot import AxisName
+from tests.console.floor import Floor, experiment_1, open_floor
+
+LONG_MM = 1.0
+"""Sixteen mm of feed a second: a cut of 30 turns, two seconds."""
+
+
+@pytest.fixture
+def floor(tmp_path: Path) -> Floor:
+    floor = open_floor(tmp_path)
+    floor.set_up(experiment_1(LONG_MM))
+    return floor
+
+
+def told(state: StationState) -> list[str]:
+    return [alarm.problem.code for alarm in state.alarms]
+
+
+def another_host(floor: Floor, line: str) -> None:
+    """A second host sends one line, or a control character."""
+    port = floor.sim.connect()
+    port.receive(line.encode("latin-1") if line < " " else f"{line}\r".encode("latin-1"))
+    floor.sim.attend(port)
+
+
+def cut_with(floor: Floor, line: str, strategy: Strategy = Strategy.PVT) -> tuple[StationState, float]:
+    """Cut while another host sends a line at turn 10; return how it ended, and how long after."""
+    floor.arm(experiment_1(LONG_MM), strategy)
+    assert floor.state.armed is not None, floor.state.refusals
+    sent: list[float] = []
+
+    def send() -> None:
+        sent.append(floor.sim.now_s())
+        another_host(floor, line)
+
+    floor.when(lambda _: floor.state.cut is not None and floor.state.cut.turn > 10.0, send)
+    state = floor.do(Start())
+    assert sent, "the cut was over before"
+    stopped_s = state.stop.sent_s if state.stop is not None else floor.sim.now_s()
+    return state, stopped_s - sent[0]
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("&1A#1K", "machine.loop_open"),
+        ("\x0b", "machine.loop_open"),
+        ("&1H", "cut.override"),
+        ("&1%0", "cut.override"),
+        ("&1%50", "cut.override"),
+        ("$$$", "controller.was_reset"),
+        ("P11=P11+500", "cut.outside_plan"),
+        ("&1Q", "cut.outside_plan"),  # a segment that ends in full motion runs on
+    ],
+)
+def test_what_another_host_does_to_a_cut_stops_it_at_that_poll(floor: Floor, line: str, code: str) -> None:
+    state, after_s = cut_with(floor, line)
+    assert code in told(state) and state.activity is Activity.STOPPED
+    assert after_s < 0.2
+    floor.do(Recover())
+    assert not state.cut_done and floor.do(Measure()).measured is None
+
+
+@pytest.mark.parametrize("line", ["P12=P12*1.05", "P14=P14+3", "P18=P18*0.99", "P32=P32+1"])
+def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Floor, line: str) -> None:
+    state, after_s = cut_with(floor, line)
+    assert "controller.constant_differs" in told(state) and after_s < 1.0
+    assert not state.cut_done
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("\x01", "cut.stopped_by_another"),
+        ("&1A", "cut.stopped_by_another"),
+        ("M26=1", "cut.held_by_another"),
+    ],
+)
+def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
+    floor: Floor, line: str, reason: str, tmp_path: Path
+) -> None:
+    state, _ = cut_with(floor, line)
+    assert {"cut.ended_early", reason} <= set(told(state))
+    early = next(alarm.problem for alarm in state.alarms if alarm.problem.code == "cut.ended_early")
+    assert float(early.value) < float(early.limit)
+    assert state.activity is Activity.STOPPED and not state.cut_done
+    floor.do(Recover())
+    refused = floor.do(Measure())
+    assert [problem.code for problem in refused.refusals] == ["session.nothing_cut"]
+    assert (tmp_path / FILE_NAME).exists()
+
+
+def test_a_cut_with_fewer_turns_than_planned_is_ended_early(floor: Floor) -> None:
+    """Found at the end, should the few turns be over before the constant is read."""
+    state, _ = cut_with(floor, "P23=11")
+    assert {"cut.ended_early", "controller.constant_differs"} & set(told(state))
+    assert not state.cut_done
+
+
+@pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.PVT, Strategy.NONE, Strategy.PAPER])
+def test_an_undisturbed_cut_is_done(floor: Floor, strategy: Strategy) -> None:
+    floor.arm(experiment_1(LONG_MM), strategy)
+    state = floor.do(Start())
+    assert told(state) in ([], ["cut.out_of_phase"]) and state.cut_done
+
+
+def test_a_hold_of_this_console_is_a_hold(floor: Floor) -> None:
+    floor.arm(experiment_1(LONG_MM))
+    floor.when(
+        lambda _: floor.state.cut is not None and floor.state.cut.turn > 10.0,
+        lambda: bool(floor.station.post(Hold())) or None,
+    )
+    state = floor.do(Start())
+    assert told(state) == [] and state.cut is not None and state.cut.stage.value == "held" and not state.cut_done
+
+
+@pytest.mark.parametrize(
+    ("strategy", "line", "code"),
+    [
+        (Strategy.PVT, "P11=P11+500", "controller.constant_differs"),
+        (Strategy.PVT, "OPEN PROG 2 CLEAR X0 CLOSE", "controller.program_differs"),
+        (Strategy.CAM, "#1DELETE COMP", "controller.err003"),
+        (Strategy.CAM, "P35=P35+1", "controller.constant_differs"),
+    ],
+)
+def test_what_is_changed_on_the_way_to_the_start_is_refused_before_the_program_runs(
+    floor: Floor, strategy: Strategy, line: str, code: str
+) -> None:
+    """Between the first look of the start and the start itself the axes go to their places."""
+    floor.arm(experiment_1(LONG_MM), strategy)
+    floor.when(lambda seen: seen.moving, lambda: another_host(floor, line))
+    state = floor.do(Start())
+    codes = [problem.code for problem in state.refusals] + told(state)
+    assert code in codes and not floor.sim.controller.systems[1].running
+    assert state.cut is not None and state.cut.turn == 0.0
+
+
+def test_a_reset_while_nothing_moves_is_an_alarm_at_the_next_look(floor: Floor) -> None:
+    another_host(floor, "$$$")
+    state = floor.idle()
+    assert "controller.was_reset" in told(state) and not state.alignment.homed
+
+
+def test_a_reset_in_a_jog_stops_it_and_says_so(floor: Floor) -> None:
+    floor.when(lambda seen: seen.moving, lambda: another_host(floor, "$$$"))
+    state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
+    assert told(state)[0] == "controller.was_reset" and state.activity is Activity.STOPPED
+    floor.do(Recover())
+    floor.do(SwitchOn())
+    assert floor.do(Home()).alignment.homed
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [("#3J+", "machine.jog_astray"), ("#3J-", "machine.jog_astray"), ("#1J:-3000", "machine.unexpected_motion")],
+)
+def test_a_jog_that_goes_elsewhere_is_stopped_on_its_way(floor: Floor, line: str, code: str) -> None:
+    before = floor.idle().snapshot
+    assert before is not None
+    floor.when(lambda seen: seen.moving, lambda: another_host(floor, line))
+    state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
+    assert code in told(state) and state.snapshot is not None
+    gone = state.snapshot.carriage.position - before.carriage.position
+    assert -1500.0 < gone < 2500.0, "1 mm is 1000 counts; the rest is what a stop takes"
