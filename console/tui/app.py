@@ -1,4 +1,4 @@
-"""The application: composition alone. Six fixed rows, one page between them, one gate for every key, one tick."""
+"""The application: composition alone. Six rows, one page between them, one gate for every key, one tick."""
 
 from __future__ import annotations
 

@@ -81,8 +81,8 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
 
 
 def failing(found: tuple[Check, ...]) -> tuple[Problem, ...]:
-    """Return every reason why a cut may not be armed."""
-    return tuple(problem for check in found for problem in check.problems)
+    """Return every reason why a cut may not be armed, each once: the drives are part of the alignment, too."""
+    return tuple(dict.fromkeys(problem for check in found for problem in check.problems))
 
 
 def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: int | None = None) -> list[Line]:

@@ -74,7 +74,7 @@ class SetupPage(Page):
         self._form = Sheet(desk.palette, classes="form")
         self._speed = Sheet(desk.palette, classes="speed")
         self._findings = Sheet(desk.palette, classes="findings")
-        self._entry = Input(classes="entry", compact=True, select_on_focus=True)
+        self._entry = Input(classes="entry", compact=True, select_on_focus=False)
         self._entry.cursor_blink = False
         self._entering = Entering.NOTHING
         self._selected = 0
@@ -111,6 +111,9 @@ class SetupPage(Page):
         self._locked = lock(view.state)
         if self._locked is not None and self._entering is not Entering.NOTHING:
             self._drop()
+        if self._entering is not Entering.NOTHING and self.screen.focused is not self._entry:
+            # A list that was read in the place of the page has taken it.
+            self.screen.set_focus(self._entry, scroll_visible=False)
         self._paint()
 
     def act(self, action: str) -> None:
