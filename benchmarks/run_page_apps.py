@@ -28,9 +28,9 @@ from console.session.progress import CutProgress
 from console.session.state import StationState
 from console.session.work import opened
 from console.text.catalogue import load
-from console.tui.app import ROWS, TICK_S, ConsoleApp
+from console.tui.app import TICK_S, ConsoleApp
 from console.tui.driver import StopDriver
-from console.tui.frame import Frame
+from console.tui.frame import ROWS, Frame
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
@@ -209,7 +209,7 @@ class Stock(App[None]):
             now_s=state.at_s,
         )
         for name, row in ROWS.items():
-            self._say(name, [row(frame, self.size.width)])
+            self._say(name, row(frame, self.size.width))
 
     def _say(self, name: str, lines: Sequence[Line]) -> None:
         if self._shown.get(name) == tuple(lines):

@@ -1,4 +1,4 @@
-"""The application: composition alone. Six fixed rows, one page between them, one gate for every key, one tick."""
+"""The application: composition alone. Six rows, one page between them, one gate for every key, one tick."""
 
 from __future__ import annotations
 
@@ -20,14 +20,16 @@ from console.text.catalogue import Catalogue
 from console.tui.chosen_path import ChosenPath
 from console.tui.desk import Desk, View
 from console.tui.driver import StopSent
-from console.tui.frame import Frame, alarm_row, keys_row, next_row, pages_row, state_row, stop_row
+from console.tui.frame import MARKS, ROWS, Frame, frame_rows, unseen_alarm
 from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge
 from console.tui.held import HeldKeys
 from console.tui.help import LISTS, help_lines
 from console.tui.keymap import Action, PageName
 from console.tui.lines import Line, line, wrapped
+from console.tui.messages import message_lines
 from console.tui.page import Page
 from console.tui.previewing import Previewer
+from console.tui.scrolled import ScrolledSheet
 from console.tui.sheet import Sheet
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette, Token
 from profiles.job import Job
@@ -41,6 +43,9 @@ SMALLEST = (60, 18)
 SMALLEST_TO_MOVE = (80, 24)
 """Columns and rows below which pages are shown, but nothing that moves can be ordered."""
 
+MESSAGES = -1
+"""Stands for the messages beside the numbers of the lists of keys."""
+
 TAKE_OVER_WITHIN_S = 5.0
 """How soon the key that takes a machine over has to be pressed again."""
 
@@ -51,15 +56,6 @@ PAGE_CLASSES = {
     PageName.ALIGN: ("console.tui.pages.align", "AlignPage"),
     PageName.RUN: ("console.tui.pages.run", "RunPage"),
     PageName.INSPECT: ("console.tui.pages.inspect", "InspectPage"),
-}
-
-ROWS: dict[str, Callable[[Frame, int], Line]] = {
-    "state": state_row,
-    "alarm": alarm_row,
-    "pages": pages_row,
-    "next": next_row,
-    "stop": stop_row,
-    "keys": keys_row,
 }
 
 
@@ -75,10 +71,10 @@ class ConsoleApp(App[None]):
     .row { height: 1; width: 1fr; }
     #body { height: 1fr; width: 1fr; }
     .page { height: 1fr; width: 1fr; }
-    #help, #small { height: 1fr; width: 1fr; padding: 0 1; display: none; }
+    #list, #small { height: 1fr; width: 1fr; padding: 0 1; display: none; }
     .page.-away { display: none; }
-    .helping #help { display: block; }
-    .helping .page { display: none; }
+    .reading #list { display: block; }
+    .reading .page { display: none; }
     .small .row, .small #body { display: none; }
     .small #small { display: block; padding: 0; }
     """
@@ -117,14 +113,14 @@ class ConsoleApp(App[None]):
         self._page = PageName.JOBS
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
-        self._help_list = 0
+        self._listed = 0
         self._asked_over_s = float("-inf")
         self._held = HeldKeys()
         self._collector_spared = False
         self._previewer = Previewer()
         self._path = ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
-        self._help = Sheet(palette, id="help")
+        self._list = ScrolledSheet(palette, text, id="list")
         self._small = Sheet(palette, id="small")
 
     def compose(self) -> ComposeResult:
@@ -132,7 +128,7 @@ class ConsoleApp(App[None]):
         yield from (self._rows[name] for name in ("state", "alarm", "pages"))
         with Container(id="body"):
             yield self._made(PageName.JOBS)
-            yield self._help
+            yield self._list
         yield from (self._rows[name] for name in ("next", "stop", "keys"))
         yield self._small
 
@@ -173,10 +169,10 @@ class ConsoleApp(App[None]):
         if self._is_small:
             self._show_small()
             return
-        if not self._help_list:
+        if not self._reading:
             self._safely(lambda: page.show(view))
         self.field_kind = page.field
-        self._safely(lambda: self._show_rows(page, view))
+        self._safely(lambda: self._show_frame(page, view))
 
     def _spare_the_stop(self, may_move: bool) -> None:
         """While something moves, let the collector look at new objects alone.
@@ -201,7 +197,7 @@ class ConsoleApp(App[None]):
             page.remove_class("-away")
             if not page.is_attached:
                 self.query_one("#body").mount(page)
-        self._show_help(0)
+        self._show_list(0)
         self.call_after_refresh(self.tick)
 
     def stop_now(self, key: str) -> None:
@@ -257,7 +253,7 @@ class ConsoleApp(App[None]):
             self._pages[name] = getattr(import_module(module), class_name)(self.desk)
         return self._pages[name]
 
-    def _show_rows(self, page: Page, view: View) -> None:
+    def _show_frame(self, page: Page, view: View) -> None:
         state = view.state
         if state.refusals is self._dismissed:  # answers to an earlier key
             state = replace(state, refusals=())
@@ -272,15 +268,36 @@ class ConsoleApp(App[None]):
             clock=self._local_time(),
             now_s=view.now_s,
         )
-        for name, row in ROWS.items():
-            self._rows[name].show([row(frame, self.size.width)])
+        width = max(self.size.width - 2, 1)
+        if self._listed == MESSAGES:
+            self._list.lay(message_lines(frame, page.in_full(view, width), width))
+        elif self._listed:
+            self._list.lay(help_lines(self.desk.text, self._page, self._listed, width))
+        self._show_rows(frame_rows(frame, self.size.width, self.size.height))
+
+    def _show_rows(self, rows: dict[str, list[Line]]) -> None:
+        """A message that is longer or shorter than the last one gives the page another room, to be filled anew."""
+        moved = False
+        for name, lines in rows.items():
+            sheet = self._rows[name]
+            if len(lines) != max(len(sheet.lines), 1):
+                sheet.styles.height = len(lines)
+                moved = True
+            sheet.show(lines)
+        if moved:
+            self.call_after_refresh(self.tick)
 
     def _show_small(self) -> None:
-        text, simulated = self.desk.text, self.desk.control.state.simulated
-        title = text("small.title") if simulated else text("small.real")
-        said = text("small.say", columns=SMALLEST[0], rows=SMALLEST[1])
-        head = line((f" {title} ", Token.SIM if simulated else Token.STRONG))
-        self._small.show([head, *wrapped(said, max(self.size.width, 1))])
+        """The size that is needed; before it what cannot wait for that: a stop that failed, an alarm."""
+        text, state, width = self.desk.text, self.desk.control.state, max(self.size.width, 1)
+        title = text("small.title") if state.simulated else text("small.real")
+        rows = [line((f" {title} ", Token.SIM if state.simulated else Token.STRONG))]
+        if state.stop is not None and not state.stop.delivered:
+            rows += wrapped(f"!!! {text('frame.not_delivered')}", width, Token.ALARM)
+        alarm = unseen_alarm(state)
+        if alarm is not None:
+            rows += wrapped(f"{MARKS[alarm.priority]} {text.problem(alarm.problem)}", width, Token.ALARM)
+        self._small.show([*rows, *wrapped(text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]), width)])
 
     def _took(self, event: events.Key) -> bool:
         """Do what a key asks for; False when it belongs to the field that has the focus."""
@@ -290,6 +307,7 @@ class ConsoleApp(App[None]):
             field=page.field,
             moving=self.desk.control.state.may_move,
             small=self._is_small,
+            reading=self._reading,
         )
         verdict, action = judge(event.key, event.character, now)
         match verdict:
@@ -300,6 +318,8 @@ class ConsoleApp(App[None]):
                 self.stop_now(event.key if known else "unbound")
             case Verdict.KILL:
                 self.kill_now(event.key)
+            case Verdict.ACTION if action is not None and action.id in ("messages", "list.up", "list.down"):
+                self._read(action)  # what was said stays said: it is to be read
             case Verdict.ACTION if action is not None:
                 self.desk.said = ()
                 self._dismissed = self.desk.control.state.refusals
@@ -320,9 +340,9 @@ class ConsoleApp(App[None]):
         elif kind == "page":
             self.go(PageName(rest))
         elif action.id == "help":
-            self._show_help((self._help_list + 1) % (LISTS + 1))
+            self._show_list((max(self._listed, 0) + 1) % (LISTS + 1))
         elif action.id == "close":
-            self._show_help(0)
+            self._show_list(0)
         elif action.id == "quit":
             self.action_quit()
         elif action.id == "recover":
@@ -332,15 +352,26 @@ class ConsoleApp(App[None]):
         elif action.id == "take_over":
             self._post_take_over()
         else:
-            self._show_help(0)
+            self._show_list(0)
             self._safely(lambda: page.act(action.id))
 
-    def _show_help(self, number: int) -> None:
-        """Show one of the lists of keys in the place of the page; 0 shows the page again."""
-        self._help_list = number
-        self.screen.set_class(number > 0, "helping")
-        if number:
-            self._help.show(help_lines(self.desk.text, self._page, number, self.size.width - 2))
+    @property
+    def _reading(self) -> bool:
+        """Whether a list is in the place of the page."""
+        return self._listed != 0
+
+    def _read(self, action: Action) -> None:
+        """Open or close the messages, or scroll the list that is open."""
+        if action.id == "messages":
+            self._show_list(0 if self._listed == MESSAGES else MESSAGES)
+        else:
+            self._list.scroll(1 if action.id == "list.down" else -1)
+
+    def _show_list(self, number: int) -> None:
+        """Show one of the lists of keys, or the messages, in the place of the page; 0 shows the page again."""
+        self._listed = number
+        self._list.begin()
+        self.screen.set_class(self._reading, "reading")
 
     def _post_recover(self) -> None:
         from console.session.intents import Recover  # not needed for the first paint, as below

@@ -1,7 +1,11 @@
-"""The six rows that never move and are never covered, as pure functions from the view to one line each."""
+"""The six rows that are never covered, as pure functions from the view to lines.
+
+Each has one line, in its place. A message that is longer takes further lines from the page: it is never cut.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -12,13 +16,19 @@ from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName, actions_of
-from console.tui.lines import Line, dim, fitted, line, ranged, width_of
+from console.tui.lines import BLANK, Line, clipped, dim, fitted, hanging, line, plain, ranged, width_of, wrapped
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-_MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
+MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
+
+LEAST_BODY = 4
+"""Lines of the page that no message takes. What is longer than that goes on in the list of messages."""
+
+_FIRST_SERVED = ("stop", "alarm", "next")
+"""The rows that may have several lines, in the order in which they get them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,8 +46,8 @@ class Frame:
     now_s: float
 
 
-def state_row(frame: Frame, width: int) -> Line:
-    """SIM, the machine, what it does, how old that is, and the time."""
+def state_row(frame: Frame, width: int) -> list[Line]:
+    """SIM, the machine, what it does, how old that is, and the time; a long name of the machine gives way."""
     text, state = frame.text, frame.state
     head: list[tuple[str, Token]] = (
         [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else []
@@ -51,8 +61,10 @@ def state_row(frame: Frame, width: int) -> Line:
     if _looks_on(state):
         held = text("frame.looks_on", holder=state.holder) if state.holder else text("frame.looks_on_free")
         activity, token = held, Token.WARNING
-    left = (*head, (f"{state.machine} · ", Token.DIM), (activity, token))
-    return ranged(left, (*_age(frame), dim(f"   {frame.clock:%H:%M} ")), width)
+    right = (*_age(frame), dim(f"   {frame.clock:%H:%M} "))
+    room = width - width_of((*head, *right)) - cell_len(activity) - 4
+    machine = state.machine if cell_len(state.machine) <= room else fitted(state.machine, max(room, 1))
+    return [ranged((*head, (f"{machine} · ", Token.DIM), (activity, token)), right, width)]
 
 
 def _looks_on(state: StationState) -> bool:
@@ -71,50 +83,67 @@ def _age(frame: Frame) -> Line:
     return (dim(frame.text("frame.link", ms=f"{state.round_trip_ms:.0f}")),)
 
 
-def alarm_row(frame: Frame, width: int) -> Line:
+def alarm_row(frame: Frame, width: int) -> list[Line]:
     """The alarm that wants attention most, with how many there are; else the answer to the last key."""
     text, alarms = frame.text, frame.state.alarms
-    unseen = _unseen_alarm(frame.state)
+    unseen = unseen_alarm(frame.state)
     if unseen is not None:
-        more = text("frame.acknowledge", count=len(alarms))
-        return ranged(((_alarm(text, unseen), Token.ALARM),), ((f" {more} ", Token.ALARM),), width)
-    answer = frame.said or frame.state.refusals
-    if answer:
-        more = f" +{len(answer) - 1}" if len(answer) > 1 else ""
-        return line((fitted(f" – {text.problem(named(answer[0], text))}{more}", width), Token.WARNING))
+        count = f"{text('frame.acknowledge', count=len(alarms))} {_all_key(text, len(alarms))}"
+        return _alarm(text, unseen, count, Token.ALARM, width)
+    if answer_of(frame):
+        return _answer(frame, width)
     seen = foremost(alarms)
     if seen is not None:
-        return line((fitted(_alarm(text, seen), width), Token.WARNING))
-    return line(dim(f" · {text('frame.no_alarms')}"))
+        count = f"({len(alarms)}) {_all_key(text, len(alarms))}" if len(alarms) > 1 else ""
+        return _alarm(text, seen, count, Token.WARNING, width)
+    return [line(dim(f" · {text('frame.no_alarms')}"))]
 
 
-def _unseen_alarm(state: StationState) -> Alarm | None:
+def answer_of(frame: Frame) -> tuple[Problem, ...]:
+    """Return what the last key was answered, by the page or by the station."""
+    return frame.said or frame.state.refusals
+
+
+def unseen_alarm(state: StationState) -> Alarm | None:
     """Return the foremost alarm, where nobody has seen it yet."""
     alarm = foremost(state.alarms)
     return None if alarm is None or alarm.acknowledged else alarm
 
 
-def _alarm(text: Catalogue, alarm: Alarm) -> str:
-    return f" {_MARKS[alarm.priority]} {text.problem(alarm.problem)}"
+def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) -> list[Line]:
+    beside = line((f" {count.rstrip()} ", token)) if count else BLANK
+    mark = (f" {MARKS[alarm.priority]} ", token)
+    return hanging(mark, text.problem(alarm.problem), width, token, beside=beside)
 
 
-def pages_row(frame: Frame, width: int) -> Line:
+def _answer(frame: Frame, width: int) -> list[Line]:
+    """The first answer in full, and how many more the list of messages shows."""
+    text, (first, *others) = frame.text, answer_of(frame)
+    beside = line((f" +{len(others)} {_all_key(text, len(others) + 1)} ", Token.WARNING)) if others else BLANK
+    return hanging((" – ", Token.WARNING), text.problem(named(first, text)), width, Token.WARNING, beside=beside)
+
+
+def _all_key(text: Catalogue, count: int) -> str:
+    """Return which key shows all of several messages."""
+    return text("frame.all") if count > 1 else ""
+
+
+def pages_row(frame: Frame, width: int) -> list[Line]:
     """The numbered pages."""
     pieces: list[tuple[str, Token]] = []
     for number, page in enumerate(PageName, start=1):
         name = f" {number} {frame.text(f'page.{page}')} "
         pieces.append((name, Token.SELECTED if page is frame.page else Token.DIM))
     spare = width - width_of(tuple(pieces))
-    return (*pieces, dim(" " * max(spare, 0)))
+    return [(*pieces, dim(" " * max(spare, 0)))]
 
 
-def next_row(frame: Frame, width: int) -> Line:
+def next_row(frame: Frame, width: int) -> list[Line]:
     """The one obvious next thing to do; the answer to the last key where an alarm has its usual place."""
     text, state = frame.text, frame.state
     step: Line = frame.next_step
-    answer = frame.said or state.refusals
-    if answer and _unseen_alarm(state) is not None:
-        return line((fitted(f" – {text.problem(named(answer[0], text))}", width), Token.WARNING))
+    if answer_of(frame) and unseen_alarm(state) is not None:
+        return _answer(frame, width)
     if state.activity is Activity.LOST:
         step = line((text("frame.lost"), Token.ACTION))
     elif state.activity is Activity.CONNECTING:
@@ -124,39 +153,45 @@ def next_row(frame: Frame, width: int) -> Line:
     elif state.stop is not None:
         key = "frame.recover" if state.stop.rest_s is not None else "frame.stopping"
         step = line((text(key, reason=_reason(text, state.stop.reason)), Token.ACTION))
-    return ranged((((" ▶ "), Token.ACTION), *step), (), width)
+    token = step[0][1] if step else Token.TEXT
+    return hanging((" ▶ ", Token.ACTION), plain([step]), width, token)
 
 
-def stop_row(frame: Frame, width: int) -> Line:
-    """The stop key, and what a stop would and would not do now."""
+def stop_row(frame: Frame, width: int) -> list[Line]:
+    """The stop key, and what a stop would and would not do now; the key is in the last line, in its place."""
     text, state = frame.text, frame.state
     key = text("frame.stop_in_text") if frame.field is FieldKind.TEXT else text("frame.stop")
     left = line((f" {key} ", Token.STOP))
     said, token = _stop_tells(text, state, frame.machine)
-    # The stop key is never cut: what is said of it gives way.
-    room = width - width_of(left) - 1
-    return ranged(left, ((fitted(said, room) if cell_len(said) > room else said, token),), width)
+    rows = wrapped(said, max(width - width_of(left) - 2, 1), token)
+    column = max(width_of(row) for row in rows) + 1
+    above = [ranged(BLANK, _filled(row, column), width) for row in rows[:-1]]
+    return [*above, ranged(left, _filled(rows[-1], column), width)]
+
+
+def _filled(row: Line, cells: int) -> Line:
+    return (*row, dim(" " * (cells - width_of(row))))
 
 
 def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
     stop = state.stop
     if stop is not None and not stop.delivered:
-        return f"{text('frame.not_delivered')} ", Token.ALARM
+        return text("frame.not_delivered"), Token.ALARM
     if state.activity is Activity.LOST:
-        return f"{text('frame.not_known')} ", Token.WARNING
+        return text("frame.not_known"), Token.WARNING
     if stop is not None and stop.rest_s is None:
-        return f"{text('frame.stop_sent')} ", Token.WARNING
+        return text("frame.stop_sent"), Token.WARNING
     if stop is not None and stop.rest_s is not None:
         how = text("frame.by_kill" if stop.killed else "frame.by_ramp")
-        return f"{text('frame.at_rest_after', seconds=f'{stop.rest_s - stop.sent_s:.1f}', how=how)} ", Token.TEXT
+        return text("frame.at_rest_after", seconds=f"{stop.rest_s - stop.sent_s:.1f}", how=how), Token.TEXT
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
         seconds = spindle_stop_s(machine, state.cut.speed_rpm)
-        return f"{text('frame.spindle_needs', seconds=f'{seconds:.1f}')} ", Token.TEXT
+        return text("frame.spindle_needs", seconds=f"{seconds:.1f}"), Token.TEXT
     if state.seen_moving:  # by another console, perhaps
-        return f"{text('frame.moving')} ", Token.STRONG
+        return text("frame.moving"), Token.STRONG
     if state.snapshot is None:
-        return f"{text('frame.not_known')} ", Token.DIM
-    return f"{text('frame.at_rest')} ", Token.DIM
+        return text("frame.not_known"), Token.DIM
+    return text("frame.at_rest"), Token.DIM
 
 
 def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
@@ -165,7 +200,7 @@ def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
     return counts_per_ms / machine.controller.variables[f"I{machine.spindle.motor}15"] / 1000.0
 
 
-def keys_row(frame: Frame, width: int) -> Line:
+def keys_row(frame: Frame, width: int) -> list[Line]:
     """The keys of the page, as far as they fit; all of them are on the help page."""
     pieces: list[tuple[str, Token]] = [(" ", Token.TEXT)]
     helping = [("?", Token.KEY), (f" {frame.text('key.help')}", Token.DIM)]
@@ -179,7 +214,29 @@ def keys_row(frame: Frame, width: int) -> Line:
         if room < 0:
             break
         pieces += fresh
-    return (*pieces, *helping)
+    return [(*pieces, *helping)]
+
+
+ROWS: dict[str, Callable[[Frame, int], list[Line]]] = {
+    "state": state_row,
+    "alarm": alarm_row,
+    "pages": pages_row,
+    "next": next_row,
+    "stop": stop_row,
+    "keys": keys_row,
+}
+
+
+def frame_rows(frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
+    """Return the lines of each row in a terminal of this size, whose last lines are those of stop and keys."""
+    rows = {name: row(frame, width) for name, row in ROWS.items()}
+    spare = max(height - len(rows) - LEAST_BODY, 0)
+    for name in _FIRST_SERVED:
+        lines = rows[name]
+        # The key of the stop row is in its last line.
+        rows[name] = lines[-1 - spare :] if name == "stop" else clipped(lines, 1 + spare, frame.text("panel.more"))
+        spare -= len(rows[name]) - 1
+    return rows
 
 
 def _reason(text: Catalogue, reason: str) -> str:

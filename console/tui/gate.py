@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from console.tui.keymap import KILL_KEYS, STOP_KEYS, Action, PageName, action_of
+from console.tui.keymap import KILL_KEYS, READING, STOP_KEYS, Action, PageName, action_of
 
 NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
@@ -36,12 +36,16 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
-    """What a key is judged by. `small`: the terminal is too small for a page, nothing may be moved."""
+    """What a key is judged by. `small`: the terminal is too small for a page, nothing may be moved.
+
+    `reading`: a list is in the place of the page, and the keys that scroll it do nothing else.
+    """
 
     page: PageName
     field: FieldKind = FieldKind.NONE
     moving: bool = False
     small: bool = False
+    reading: bool = False
 
 
 def stops_at_once(key: str, field: FieldKind) -> bool:
@@ -62,7 +66,8 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
         return Verdict.KILL, None
     if _writes(key, character, now.field):
         return Verdict.FIELD, None
-    action = action_of(key, character, now.page)
+    scrolling = next((each for each in READING if now.reading and key in each.keys), None)
+    action = scrolling or action_of(key, character, now.page)
     if action is not None and not (now.small and action.id != "quit"):
         return Verdict.ACTION, action
     if now.moving and not _modifier_alone(key):

@@ -24,7 +24,7 @@ def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list
     for action in ACTIONS:
         if action.page is None:
             rows += _row(action.shown, text(f"key_help.{action.id}"), width)
-    return [*rows, BLANK, line(dim(text("help.close")))]
+    return [*rows, line(dim(text("help.close")))]
 
 
 def _row(shown: str, said: str, width: int) -> list[Line]:

@@ -52,6 +52,7 @@ _EVERYWHERE = (
     Action(id="recover", keys=("f2",), shown="F2"),
     Action(id="acknowledge", keys=("k", "ㅏ"), shown="k"),
     Action(id="take_over", keys=("t", "ㅅ"), shown="t", row="", once=True),
+    Action(id="messages", keys=("w", "ㅈ"), shown="w", row=""),
     Action(id="help", keys=("?", "f1"), shown="?"),
     Action(id="quit", keys=("ctrl+q",), shown="^Q"),
     Action(id="close", keys=("backspace",), shown="⌫"),
@@ -109,6 +110,12 @@ _INSPECT = (
     Action(id="inspect.revert", keys=("v", "ㅍ"), shown="v", page=PageName.INSPECT, once=True),
     Action(id="inspect.next", keys=("enter",), shown="Enter", page=PageName.INSPECT),
 )
+
+READING = (
+    Action(id="list.up", keys=("up", "pageup"), shown="↑"),
+    Action(id="list.down", keys=("down", "pagedown"), shown="↓"),
+)
+"""What these keys do while a list is in the place of the page, whatever else they would do on the page."""
 
 ACTIONS: tuple[Action, ...] = (*_EVERYWHERE, *_JOBS, *_SETUP, *_PREVIEW, *_ALIGN, *_RUN, *_INSPECT)
 

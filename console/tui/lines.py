@@ -44,11 +44,11 @@ def to_the_right(text: str, width: int) -> str:
     return " " * max(width - cell_len(text), 0) + text
 
 
-def clipped(lines: list[Line], height: int) -> list[Line]:
-    """Return what fits; where something does not, the last row says so."""
+def clipped(lines: list[Line], height: int, more: str) -> list[Line]:
+    """Return what fits; where something does not, the last row says `more`: that it goes on, and what shows it."""
     if len(lines) <= height:
         return lines
-    return [*lines[: max(height - 1, 0)], (dim("…"),)][: max(height, 0)]
+    return [*lines[: max(height - 1, 0)], ((more, Token.WARNING),)][: max(height, 0)]
 
 
 def ranged(left: Line, right: Line, width: int) -> Line:
@@ -70,21 +70,25 @@ def fact(label: str, value: str, width: int, *, label_width: int, token: Token =
     return (fitted(label, label_width), Token.DIM), (shown, token)
 
 
-def wrapped(text: str, width: int, token: Token = Token.TEXT) -> list[Line]:
-    """Return a text broken at spaces into lines of at most `width` cells; a longer word is broken anywhere."""
+def wrapped(text: str, width: int, token: Token = Token.TEXT, *, first: int | None = None) -> list[Line]:
+    """Return a text broken at spaces into lines of at most `width` cells; a longer word is broken anywhere.
+
+    The first line has `first` cells, where that is given.
+    """
     lines: list[str] = []
     current = ""
     for word in text.split():
         while True:
+            room = width if lines or first is None else first
             longer = f"{current} {word}" if current else word
-            if cell_len(longer) <= width:
+            if cell_len(longer) <= room:
                 current = longer
                 break
             if current:
                 lines.append(current)
                 current = ""
                 continue
-            head = _head(word, width)
+            head = _head(word, room)
             lines.append(head)
             word = word[len(head) :]
             if not word:
@@ -92,6 +96,18 @@ def wrapped(text: str, width: int, token: Token = Token.TEXT) -> list[Line]:
     if current:
         lines.append(current)
     return [((text_, token),) for text_ in lines]
+
+
+def hanging(mark: Piece, text: str, width: int, token: Token = Token.TEXT, *, beside: Line = BLANK) -> list[Line]:
+    """Return a text behind its mark, as many lines as it needs: they begin below each other.
+
+    `beside` stands at the right end of the first line.
+    """
+    indent = cell_len(mark[0])
+    room = max(width - indent, 1)
+    free = max(room - width_of(beside) - bool(beside), 1)
+    first, *rest = wrapped(text, room, token, first=free) or [BLANK]
+    return [ranged((mark, *first), beside, width), *((dim(" " * indent), *more) for more in rest)]
 
 
 def to_strip(pieces: Iterable[Piece], width: int, palette: Palette) -> Strip:

@@ -31,6 +31,10 @@ class Page(Container):
         """Return the one obvious next thing to do, with the key that does it."""
         raise NotImplementedError
 
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return what the page tells somebody to do or to mend, nothing of it cut, for the list of messages."""
+        return []
+
     @property
     def field(self) -> FieldKind:
         """What kind of field has the keys."""

@@ -164,7 +164,7 @@ def test_the_clamping_names_blank_and_force_and_why() -> None:
     text = " ".join(shown(state(Alignment(settings=()), snapshot=look(OFF)), size=(160, 48)).text.split())
     assert "D 52.000 mm" in text
     assert "1314 N total" in text
-    assert "its error of 55.0 um" in text
+    assert "its 55.0 um lobe" in text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import string
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -17,6 +18,7 @@ situations = st.builds(
     field=st.sampled_from(FieldKind),
     moving=st.booleans(),
     small=st.booleans(),
+    reading=st.booleans(),
 )
 LETTERS = set(string.ascii_letters) | {chr(code) for code in range(0x3131, 0x3164)}
 
@@ -54,6 +56,14 @@ def test_a_field_of_numbers_takes_nothing_else(now: Situation, character: str) -
 def test_a_key_that_means_nothing_stops_what_moves(now: Situation, key: str) -> None:
     verdict, _ = judge(key, None, now)
     assert verdict is (Verdict.STOP if now.moving else Verdict.NOTHING)
+
+
+@given(situations, st.sampled_from(["up", "down", "pageup", "pagedown"]))
+def test_while_a_list_is_read_the_keys_that_scroll_it_do_nothing_else(now: Situation, key: str) -> None:
+    reading = replace(now, reading=True, small=False)
+    verdict, action = judge(key, None, reading)
+    assert verdict is Verdict.ACTION and action is not None
+    assert action.id == ("list.up" if "up" in key else "list.down") and not action.moves
 
 
 @pytest.mark.parametrize("key", ["left_shift", "right_ctrl", "caps_lock", "shift"])

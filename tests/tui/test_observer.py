@@ -78,23 +78,23 @@ def pressed(
 @pytest.mark.parametrize("standing", [Standing.OBSERVER, Standing.OUSTED])
 def test_the_state_row_says_who_controls_and_the_next_row_what_helps(standing: Standing, language: str) -> None:
     text, now = load(language), frame(run_stage.state(standing=standing, holder=HOLDER), language)
-    first, following = plain([state_row(now, 80)]), plain([next_row(now, 80)])
+    first, following = plain(state_row(now, 80)), plain(next_row(now, 80))
     assert text("frame.looks_on", holder=HOLDER) in first and str(HOLDER) in first
     assert text("frame.observer") in following and " t " in following
     assert "what to do" not in following
     for width in (60, 80, 160):
-        assert width_of(state_row(now, width)) <= width and width_of(next_row(now, width)) <= width
+        assert all(width_of(row) <= width for row in (*state_row(now, width), *next_row(now, width)))
 
 
 def test_a_stop_comes_before_who_controls() -> None:
     stopped = replace(run_stage.stopped(), **LOOKING_ON)
-    assert "F2" in plain([next_row(frame(stopped), 80)])
+    assert "F2" in plain(next_row(frame(stopped), 80))
 
 
 @pytest.mark.parametrize("activity", [Activity.CONNECTING, Activity.LOST])
 def test_nothing_is_said_of_who_controls_where_that_is_not_known(activity: Activity) -> None:
     now = frame(run_stage.state(activity=activity, **LOOKING_ON))
-    assert str(HOLDER) not in plain([state_row(now, 80)])
+    assert str(HOLDER) not in plain(state_row(now, 80))
 
 
 @pytest.mark.parametrize("key", ["t", "ㅅ"])

@@ -395,7 +395,7 @@ def test_rules_that_have_no_room_are_counted() -> None:
     assert len(findings) == 21
     rows = plain(finding_lines(findings, load("en"), 40, 9)).split("\n")
     assert len(rows) == 9
-    assert rows[-1].strip() == "… and 14 more hold"
+    assert rows[-1].strip() == "… 14 more hold: w"
     assert "more hold" not in plain(finding_lines(findings, load("en"), 40, 22))
 
 

@@ -6,7 +6,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from console.tui.lines import changed, fact, fitted, line, ranged, to_strip, width_of, wrapped
+from console.tui.lines import (
+    BLANK,
+    Line,
+    changed,
+    clipped,
+    fact,
+    fitted,
+    hanging,
+    line,
+    plain,
+    ranged,
+    to_strip,
+    width_of,
+    wrapped,
+)
 from console.tui.theme import COLOUR, Token
 
 words = st.text(st.sampled_from("ab c가나Ø°±·─") | st.characters(categories=["L", "N"]), max_size=30)
@@ -43,6 +57,26 @@ def test_wrapping_loses_no_letter_and_no_row_is_too_wide(text: str, width: int) 
     rows = wrapped(text, width)
     assert "".join("".join(t for t, _ in row) for row in rows).replace(" ", "") == "".join(text.split())
     assert all(width_of(row) <= width for row in rows)
+
+
+@given(words, st.integers(12, 40), st.sampled_from([BLANK, line("(3)"), line("가나 w")]))
+def test_a_text_behind_its_mark_loses_no_letter_and_what_stands_beside_it_ends_its_first_row(
+    text: str, width: int, beside: Line
+) -> None:
+    rows = hanging((" ! ", Token.ALARM), text, width, beside=beside)
+    assert all(width_of(row) <= width for row in rows)
+    assert all(plain([row]).startswith("   ") for row in rows[1:])
+    first = plain(rows[:1])
+    assert first.startswith(" !") and first.endswith(plain([beside]))
+    said = first.removesuffix(plain([beside])) + plain(rows[1:])
+    assert "".join(said.split()) == "!" + "".join(text.split())
+
+
+@given(st.lists(st.just(line("row")), max_size=9), st.integers(0, 9))
+def test_rows_without_room_end_with_what_shows_them(rows: list[Line], height: int) -> None:
+    shown = clipped(rows, height, "more")
+    assert len(shown) == min(len(rows), height)
+    assert (plain(shown[-1:]) == "more") is (len(rows) > height > 0)
 
 
 @given(lines_, st.integers(1, 60))

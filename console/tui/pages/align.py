@@ -32,7 +32,7 @@ from console.session.jogging import FIRST_RUNG, STEPS_MM, JogEnable, is_too_long
 from console.session.state import Activity, StationState
 from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
-from console.tui.lines import Line, dim, line
+from console.tui.lines import BLANK, Line, dim, line, wrapped
 from console.tui.page import Page
 from console.tui.pages.align_lines import (
     NEAR_MARK_DEG,
@@ -175,6 +175,12 @@ class AlignPage(Page):
             angle="" if state.snapshot is None else f"{angle_deg(state.snapshot, self.desk.machine.machine):.2f}",
         )
         return line((words, Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return how the present step is done, and why the alignment is not valid."""
+        text, state = self.desk.text, view.state
+        by_hand = [] if state.simulated else [BLANK, *wrapped(text("align_page.real"), width)]
+        return [*why_lines(text, state, _job(view), self.desk.machine.machine, width), *by_hand]
 
     def leave(self) -> None:
         """Let go of the jog; a step that is under way ends with its page."""

@@ -27,6 +27,7 @@ from console.tui.lines import (
     dim,
     fact,
     fitted,
+    hanging,
     line,
     ranged,
     to_the_right,
@@ -187,24 +188,38 @@ def is_valid(alignment: Alignment, job: Job | None) -> bool:
 
 
 def why_lines(
-    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int, height: int
+    text: Catalogue,
+    state: StationState,
+    job: Job | None,
+    machine: MachineProfile,
+    width: int,
+    height: int | None = None,
 ) -> list[Line]:
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
-    word, valid = waiting(state), is_valid(state.alignment, job)
-    if word in ("lost", "stopping", "connecting", "observing") or (word == "moving" and not valid):
-        # No advice for hands while something moves, or may.
-        free = "_free" if word == "observing" and not state.holder else ""
-        return clipped(wrapped(text(f"align_page.next.{word}{free}"), width, Token.STRONG), height)
-    if job is None:
-        return clipped(wrapped(text("align_page.no_job"), width), height)
-    if valid:
+    if is_valid(state.alignment, job) and waiting(state) not in _NO_ADVICE:
         return _stamps(text, state, machine, width, height)
+    lines = _missing(text, state, job, machine, width)
+    return lines if height is None else clipped(lines, height, text("panel.more"))
+
+
+_NO_ADVICE = ("lost", "stopping", "connecting", "observing")
+"""No advice for hands while something moves, or may."""
+
+
+def _missing(
+    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int
+) -> list[Line]:
+    word = waiting(state)
+    if word in (*_NO_ADVICE, "moving"):
+        free = "_free" if word == "observing" and not state.holder else ""
+        return wrapped(text(f"align_page.next.{word}{free}"), width, Token.STRONG)
+    if job is None:
+        return wrapped(text("align_page.no_job"), width)
     advice = text("align_page.next.stopped") if word == "stopped" else hint(text, state, job, machine)
     shown = wrapped(advice, width, Token.STRONG)
     for problem in problems(state.alignment, job):
-        first, *rest = wrapped(text.problem(named(problem, text)), width - 2)
-        shown += [(dim("· "), *first), *((dim("  "), *more) for more in rest)]
-    return clipped(shown, height)
+        shown += hanging(dim("· "), text.problem(named(problem, text)), width)
+    return shown
 
 
 def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile) -> str:
@@ -255,15 +270,20 @@ def drives_are_on(state: StationState) -> bool:
     return state.snapshot is None or not state.snapshot.loops_open
 
 
-def _stamps(text: Catalogue, state: StationState, machine: MachineProfile, width: int, height: int) -> list[Line]:
+def _stamps(
+    text: Catalogue, state: StationState, machine: MachineProfile, width: int, height: int | None
+) -> list[Line]:
     """Return what all rests on; in little room the blank rows go first, then the way back."""
     head = _all_taken(text, state, machine, width)
     facts = _facts(text, state.alignment, min(width, WIDEST_STAMP))
     back = wrapped(text("align_page.back"), width)
-    for rows in ([*head, BLANK, *facts, BLANK, *back], [*head, *facts, *back]):
-        if len(rows) <= height:
-            return rows
-    return clipped([*head, *facts], height)
+    roomy = [*head, BLANK, *facts, BLANK, *back]
+    if height is None or len(roomy) <= height:
+        return roomy
+    close = [*head, *facts, *back]
+    if len(close) <= height:
+        return close
+    return clipped([*head, *facts], height, text("panel.more"))
 
 
 def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, width: int) -> list[Line]:

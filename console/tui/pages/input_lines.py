@@ -10,7 +10,7 @@ from console.tui.theme import Token
 from drivers.snapshot import Snapshot
 
 
-def input_lines(text: Catalogue, snapshot: Snapshot | None, width: int, height: int) -> list[Line]:
+def input_lines(text: Catalogue, snapshot: Snapshot | None, width: int, height: int | None = None) -> list[Line]:
     """Return the devices, those that are not as they must be first; nothing where there are none.
 
     Where not all have room, those that are well give way, and then the last.
@@ -19,7 +19,7 @@ def input_lines(text: Catalogue, snapshot: Snapshot | None, width: int, height: 
     bad = [(f"✗ {text(f'run_page.input.{name}')}", Token.WARNING) for name, good in seen.items() if not good]
     well = [(f"✓ {text(f'run_page.input.{name}')}", Token.DIM) for name, good in seen.items() if good]
     rows = _in_rows([*bad, *well], width)
-    return rows if len(rows) <= height else _in_rows(bad, width)[: max(height, 0)]
+    return rows if height is None or len(rows) <= height else _in_rows(bad, width)[: max(height, 0)]
 
 
 def _in_rows(pieces: list[Piece], width: int) -> list[Line]:

@@ -23,8 +23,9 @@ from console.tui.pages.inspect_lines import (
     mark_lines,
     named,
     result_lines,
+    wrong_lines,
 )
-from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, learn_title
+from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, learn_title, reason_lines
 from console.tui.pages.learning_keys import accept_lesson, revert_version
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.sheet import Sheet
@@ -36,6 +37,7 @@ ROWS_FOR_PLOTS = 16
 """Rows of the page below which the table takes the room of the plot."""
 
 _ROOMY_ROWS, _TALL_ROWS = 22, 36
+_BORDER_ROWS = 2
 _JAW_1 = "1"
 
 WORSE = ("learned.diverges", "learned.wave_diverges")
@@ -128,6 +130,15 @@ class InspectPage(Page):
         """Return what comes next: cut, measure, or the next part."""
         return line((self.desk.text(f"inspect_page.{_next_word(view)}"), Token.ACTION))
 
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return what is wrong with the last part, and what it teaches or why nothing; or what to do for one."""
+        text, part = self.desk.text, view.state.measured
+        if part is None:
+            return self._message_lines(view.state, width)
+        lesson = part.lesson
+        taught = [] if lesson is None else learn_lines(lesson, view.work, text, width)
+        return [*wrong_lines(part, text, width), *taught]
+
     def _learned(self, key: Callable[[Desk], None]) -> None:
         """Do what a key of the panel Learn does, or say why not."""
         try:
@@ -153,7 +164,7 @@ class InspectPage(Page):
         lesson = None if state.measured is None else state.measured.lesson
         self._see(self._message if self._seen is None else self._charts, learning=lesson is not None)
         if self._seen is None:
-            self._message.show(self._message_lines(state))
+            self._message.show(self._message_lines(state, max(self._message.size.width, 1)))
             return
         self._show_lesson(view)
         seen, text, caption = self._seen, self.desk.text, self._caption.size
@@ -168,8 +179,13 @@ class InspectPage(Page):
         if part is None or part.lesson is None:
             return
         text, room = self.desk.text, self._learn.size
+        rows = learn_lines(part.lesson, view.work, text, max(room.width, 1))
+        self._learn.show(rows[: room.height])
         self._learn.border_title = learn_title(part.lesson, text)
-        self._learn.show(learn_lines(part.lesson, view.work, text, max(room.width, 1), room.height))
+        self._learn.border_subtitle = text("panel.more") if len(rows) > room.height else ""
+        # Why a part teaches nothing is said in full, at the cost of the plot.
+        reasons = len(reason_lines(part.lesson, text, max(room.width, 1)))
+        self._learn.styles.min_height = min(reasons + _BORDER_ROWS, max(self.size.height // 2, 1))
 
     def _compare(self, state: StationState) -> None:
         """Evaluate and draw, once for each pair of parts."""
@@ -212,8 +228,8 @@ class InspectPage(Page):
         if self.is_attached:
             self.call_after_refresh(self._paint)
 
-    def _message_lines(self, state: StationState) -> list[Line]:
-        text, width = self.desk.text, max(self._message.size.width, 1)
+    def _message_lines(self, state: StationState, width: int) -> list[Line]:
+        text = self.desk.text
         lines = wrapped(text("inspect_page.nothing"), width)
         what = text("inspect_page.how_measure") if state.cut_done else text("inspect_page.how_cut")
         return [*lines, BLANK, *wrapped(what, width), *mark_lines(state.marks_mm, text, width)]

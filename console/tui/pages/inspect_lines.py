@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from console.session.state import MeasuredPart, StationState
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, ranged, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.theme import Token
 from drivers.cut import Strategy
@@ -99,6 +99,14 @@ def caption_lines(seen: Comparison, um_per_division: float, text: Catalogue, wid
     return lines
 
 
+def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
+    """Return what is not as it should be with a measured part: marks of stops, warnings of its evaluation."""
+    lines = mark_lines(part.marks_mm, text, width)
+    for problem in part.result.warnings:
+        lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
+    return lines
+
+
 def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the table of both parts, what was gained, and the verdict on the last one.
 
@@ -117,13 +125,11 @@ def result_lines(seen: Comparison, simulated: bool, text: Catalogue, width: int,
     spare = height - len(head) - len(lesser) - len(gained) - len(lines)
     if spare > 1 and before.result is None and seen.after is not None:
         lines += [BLANK, *wrapped(text("inspect_page.stated_long"), width, Token.DIM)]
-    wrong = mark_lines(seen.part.marks_mm, text, width)
-    for problem in seen.part.result.warnings:
-        wrong += wrapped("! " + text.problem(problem), width, Token.WARNING)
+    wrong = wrong_lines(seen.part, text, width)
     room = height - len(head) - len(gained) - len(lines) - len(wrong)
     if room < 0:
         gained = []
-    return [*head, *lesser[: max(room, 0)], *gained, *lines, *wrong][: max(height, 0)]
+    return clipped([*head, *lesser[: max(room, 0)], *gained, *lines, *wrong], height, text("panel.more"))
 
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:

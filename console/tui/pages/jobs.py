@@ -13,7 +13,7 @@ from console.session.state import Activity, StationState
 from console.session.work import Work, opened
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
-from console.tui.lines import Line, fitted, line
+from console.tui.lines import Line, clipped, line
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
 from console.tui.sheet import Sheet
@@ -22,8 +22,6 @@ from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
-
-_NAME_SHOWN = 32
 
 
 class JobsPage(Page):
@@ -83,6 +81,13 @@ class JobsPage(Page):
     def next_step(self, view: View) -> Line:
         """Return how to open the selected job, or why it cannot be."""
         return line((self._next_words(view.state), Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return why the selected file cannot be used."""
+        entry = self._jobs.entry
+        if entry is None or isinstance(self._load(entry), LoadedJob):
+            return []
+        return summary_lines(self._jobs, self.desk.text, width, edited=False)
 
     def _read(self) -> None:
         """List the files again; the selection stays on its job, at first it is that in hand."""
@@ -157,7 +162,10 @@ class JobsPage(Page):
         entry = jobs.entry
         edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
         self._table.show(table_lines(jobs, text, *self._table.size))
-        self._summary.show(summary_lines(jobs, text, self._summary.size.width, edited=edited))
+        size = self._summary.size
+        rows = summary_lines(jobs, text, size.width, edited=edited)
+        unusable = entry is not None and not isinstance(self._load(entry), LoadedJob)
+        self._summary.show(clipped(rows, size.height, text("panel.more")) if unusable else rows)
         self._table.border_title = text("jobs_page.title", count=len(jobs.entries))
         self._table.border_subtitle = hidden_words(jobs, text, self._table.size.height)
         # Names of jobs may have brackets in them, which are no markup.
@@ -171,7 +179,7 @@ class JobsPage(Page):
             return text("jobs_page.next.none")
         if not isinstance(self._load(entry), LoadedJob):
             return text("jobs_page.next.unreadable")
-        return text("jobs_page.next.open", name=fitted(printable(entry.name), _NAME_SHOWN).rstrip())
+        return text("jobs_page.next.open", name=printable(entry.name))
 
 
 def lock(state: StationState) -> Problem | None:

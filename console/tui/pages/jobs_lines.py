@@ -9,7 +9,7 @@ from rich.cells import cell_len
 
 from console.session.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
-from console.tui.lines import Line, dim, fact, fitted, line, wrapped
+from console.tui.lines import Line, dim, fact, fitted, hanging, line, wrapped
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.job import Job
@@ -124,8 +124,7 @@ def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, 
     lines = [line(("✗ " + text("jobs_page.unreadable"), Token.WARNING))]
     lines += wrapped(printable(str(entry.path)), width, Token.DIM)
     for problem in problems:
-        sentence = wrapped(text.problem(replace(problem, where="")), width - 2)
-        lines += [line("· " if row == 0 else "  ", *pieces) for row, pieces in enumerate(sentence)]
+        lines += hanging(("· ", Token.TEXT), text.problem(replace(problem, where="")), width)
     return lines
 
 

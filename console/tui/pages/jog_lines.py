@@ -46,7 +46,7 @@ def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Li
         return [*must, *gaps[0], *picture, *gaps[1], *run_on, *seen]
     if len(must) + len(seen) + len(run_on) <= height:
         return [*must, *run_on, *seen]
-    return clipped([*must, *seen], height)
+    return clipped([*must, *seen], height, text("panel.more"))
 
 
 def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
@@ -111,7 +111,7 @@ def _rounded_up(value: float, decimals: int) -> str:
 def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     """Return what the simulated lathe looks like; at a real one, what to find it out with."""
     if not jog.simulated:
-        return wrapped(text("align_page.real"), width)[:2]
+        return wrapped(text("align_page.real"), width)
     seen = jog.seen
     mark: Piece = ("SIM", Token.SIM)
     if seen is None:

@@ -9,10 +9,12 @@ from console.session.part_lesson import PartLesson
 from console.session.stages import Stage
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.lines import Line, wrapped
+from console.tui.lines import Line, hanging, wrapped
 from console.tui.pages.made_words import chosen_words, made_words
 from console.tui.theme import Token
 from profiles.graduated import expected
+
+_MARK = ("! ", Token.WARNING)
 
 
 def learn_title(lesson: PartLesson, text: Catalogue) -> str:
@@ -21,11 +23,9 @@ def learn_title(lesson: PartLesson, text: Catalogue) -> str:
     return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
 
 
-def learn_lines(lesson: PartLesson, work: Work | None, text: Catalogue, width: int, height: int) -> list[Line]:
+def learn_lines(lesson: PartLesson, work: Work | None, text: Catalogue, width: int) -> list[Line]:
     """Return what the part teaches, or why nothing: each wave, gain, convergence, and what the next cut uses."""
-    lines: list[Line] = []
-    for problem in lesson.reasons:
-        lines += wrapped("! " + text.problem(problem), width, Token.WARNING)
+    lines = reason_lines(lesson, text, width)
     taught = lesson.taught
     if taught is not None:
         if taught.stage is Stage.PARTIAL:
@@ -34,10 +34,17 @@ def learn_lines(lesson: PartLesson, work: Work | None, text: Catalogue, width: i
         lines += wrapped(" · ".join(_facts(taught, work, text)), width)
         if in_scatter(taught):
             scatter = f"{taught.lesson.expected_half_width_um_pp:.2f}"
-            lines += wrapped("! " + text("inspect_page.in_scatter", scatter=scatter), width, Token.WARNING)
+            lines += hanging(_MARK, text("inspect_page.in_scatter", scatter=scatter), width, Token.WARNING)
         for problem in taught.warnings:
-            lines += wrapped("! " + text.problem(problem), width, Token.WARNING)
-    return lines[: max(height, 0)]
+            lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
+    return lines
+
+
+def reason_lines(lesson: PartLesson, text: Catalogue, width: int) -> list[Line]:
+    """Return why the part teaches nothing, and what helps."""
+    return [
+        row for problem in lesson.reasons for row in hanging(_MARK, text.problem(problem), width, Token.WARNING)
+    ]
 
 
 def is_kept(lesson: PartLesson | None, work: Work | None) -> bool:

@@ -20,11 +20,13 @@ from console.session.state import StationState
 from console.session.work import STRATEGIES, Work, with_strategy
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
-from console.tui.lines import Line, line, wrapped
+from console.tui.lines import Line, clipped, line, wrapped
 from console.tui.page import Page
 from console.tui.pages.choosing_keys import say_what_does_not_hold, step_compensation, step_stage
 from console.tui.pages.made_words import chosen_words
 from console.tui.pages.preview_lines import (
+    finding_lines,
+    findings_of,
     foreseen,
     margin_lines,
     margins,
@@ -199,6 +201,16 @@ class PreviewPage(Page):
             words = text(f"preview_page.{_next_word(work)}")
         return line((words, Token.ACTION))
 
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return why the compensation that is chosen does not hold, and what is found against the job."""
+        text, work = self.desk.text, view.work
+        if work is None:
+            return []
+        seen = known_of(work)
+        chosen = chosen_problems(work, simulated=view.state.simulated)
+        found = [] if seen is None else finding_lines(findings_of(seen, Strategy(work.strategy)), text, width)
+        return [*problem_lines((*chosen, *work.preview_problems), text, width), *found]
+
     def _not_for_it(self, work: Work, state: StationState) -> bool:
         """Whether the job may not be cut with the compensation and the stage that are chosen."""
         return bool(chosen_problems(work, simulated=state.simulated))
@@ -217,7 +229,7 @@ class PreviewPage(Page):
         work, seen, text = view.work, known_of(view.work), self.desk.text
         if work is None or seen is None:
             self._see(self._message)
-            self._message.show(self._message_lines(view))
+            self._message.show(clipped(self._message_lines(view), self._message.size.height, text("panel.more")))
             return
         strategy = Strategy(work.strategy)
         if self._reading:

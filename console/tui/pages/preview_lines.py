@@ -13,7 +13,7 @@ from console.session.outlook import INVERTING
 from console.session.preview import Prediction, Response, Underway
 from console.session.work import STRATEGIES
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, line, ranged, wrapped
+from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, ranged, wrapped
 from console.tui.theme import Token
 from drivers.cut import CutPlan, Strategy
 from profiles.job import Job
@@ -91,9 +91,8 @@ def finding_lines(findings: Sequence[Finding], text: Catalogue, width: int) -> l
     """Return the findings in words, each with its mark."""
     lines: list[Line] = []
     for finding in findings:
-        mark = MARKS[finding.severity]
-        sentence = wrapped(text.problem(finding.problem), max(width - 2, 1))
-        lines += [line(mark if row == 0 else " ", " ", *pieces) for row, pieces in enumerate(sentence)]
+        mark, token = MARKS[finding.severity]
+        lines += hanging((f"{mark} ", token), text.problem(finding.problem), width)
     return lines
 
 
@@ -142,8 +141,7 @@ def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: i
     room = height - len(lines)
     words = finding_lines(findings, text, width)
     if words and room > _SPACED_ROWS:
-        shown = words if len(words) < room else [*words[: room - 2], line(dim("…"))]
-        lines += [BLANK, *shown]
+        lines += [BLANK, *clipped(words, room - 1, text("panel.more"))]
     return lines[: max(height, 0)]
 
 

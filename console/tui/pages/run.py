@@ -211,6 +211,24 @@ class RunPage(Page):
         left_s = 0 if armed is None else max(math.ceil(armed.until_s - view.now_s), 0)
         return line((self.desk.text(f"run_page.next.{word}", left=left_s), token))
 
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return what was armed, what is missing for a start, or what to do after a stop or a cut."""
+        text, state, machine = self.desk.text, view.state, self.desk.machine.machine
+        facts = min(width, WIDEST_FACT)
+        match phase_of(state):
+            case Phase.LOST:
+                return lost_lines(text, state, view.now_s, width)
+            case Phase.STOPPED if state.stop is not None:
+                return stop_lines(text, state.stop, state.spindle_rpm, facts)
+            case Phase.ENDED:
+                return after_lines(text, state, width)
+            case Phase.CUTTING:
+                return []
+        moves = [] if state.armed is None else moves_lines(text, state.armed, machine, width)
+        rows = [] if view.work is None else summary_lines(text, state, view.work, view.now_s, facts)
+        inputs = input_lines(text, state.snapshot, width)
+        return [*moves, *check_lines(text, checks(state, view.work, machine), width), *inputs, *rows]
+
     def _next_word(self, view: View) -> tuple[str, Token]:
         state = view.state
         phase = phase_of(state)
@@ -312,7 +330,7 @@ class RunPage(Page):
             self._right.show(wrapped(text("run_page.no_job"), width))
         else:
             rows = summary_lines(text, state, work, view.now_s, min(width, WIDEST_FACT))
-            self._right.show(clipped(rows, self._right.size.height))
+            self._right.show(clipped(rows, self._right.size.height, text("panel.more")))
         ready = text("run_page.armed_title") if state.armed is not None else text("run_page.summary")
         self._titled(text("run_page.checks"), ready)
 
@@ -351,7 +369,8 @@ class RunPage(Page):
     def _show_end(self, cut: CutProgress, state: StationState) -> None:
         text = self.desk.text
         self._left.show(figure_lines(text, cut, min(self._left.size.width, WIDEST_FACT)))
-        self._right.show(after_lines(text, state, self._right.size.width))
+        after = after_lines(text, state, self._right.size.width)
+        self._right.show(clipped(after, self._right.size.height, text("panel.more")))
         self._titled(text("run_page.figures"), text("run_page.what_next"))
 
     def _show_stop(self, view: View) -> None:
@@ -359,7 +378,8 @@ class RunPage(Page):
         if state.stop is None:
             return
         rpm = state.spindle_rpm
-        self._left.show(stop_lines(text, state.stop, rpm, min(self._left.size.width, WIDEST_FACT)))
+        size = self._left.size
+        self._left.show(stop_lines(text, state.stop, rpm, min(size.width, WIDEST_FACT), size.height))
         width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
         if cut is None:
             self._right.show([spindle_line(text, rpm, width), BLANK, *wrapped(text("run_page.no_cut"), width)])
@@ -370,7 +390,8 @@ class RunPage(Page):
 
     def _show_lost(self, view: View) -> None:
         text, state = self.desk.text, view.state
-        self._left.show(lost_lines(text, state, view.now_s, min(self._left.size.width, WIDEST_FACT)))
+        size = self._left.size
+        self._left.show(lost_lines(text, state, view.now_s, min(size.width, WIDEST_FACT), size.height))
         width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
         job = None if view.work is None else view.work.job
         self._right.show([line(dim(NOTHING))] if cut is None else stale(live_lines(text, cut, job, width)))

@@ -15,7 +15,7 @@ from console.session.stages import Stage
 from console.session.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, line, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, hanging, line, wrapped
 from console.tui.pages.fields import named
 from console.tui.pages.made_words import armed_words, chosen_words
 from console.tui.theme import Token
@@ -81,13 +81,17 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
 
 
 def failing(found: tuple[Check, ...]) -> tuple[Problem, ...]:
-    """Return every reason why a cut may not be armed."""
-    return tuple(problem for check in found for problem in check.problems)
+    """Return every reason why a cut may not be armed, each once: the drives are part of the alignment, too."""
+    return tuple(dict.fromkeys(problem for check in found for problem in check.problems))
 
 
-def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: int) -> list[Line]:
-    """Return one row for each condition, with the first reason below it where it does not hold."""
+def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: int | None = None) -> list[Line]:
+    """Return one row for each condition, with the first reason below it where it does not hold.
+
+    In little room what does not hold comes first. Without a height it is all of the reasons.
+    """
     rows: list[Line] = []
+    wrong: list[Line] = []
     for check in found:
         name = text(f"run_page.check.{check.name}")
         if check.waits:
@@ -95,11 +99,17 @@ def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: i
         elif not check.problems:
             rows.append(line(("✓ ", Token.OK), dim(name)))
         else:
-            more = f" (+{len(check.problems) - 1})" if len(check.problems) > 1 else ""
-            rows.append(line(("✗ " + name + more, Token.WARNING)))
-            reason = wrapped(text.problem(named(check.problems[0], text)), max(width - 2, 1))
-            rows += [(dim("  "), *pieces) for pieces in reason]
-    return clipped(rows, height)
+            told = check.problems if height is None else check.problems[:1]
+            hidden = len(check.problems) - len(told)
+            more = f" (+{hidden} {text('frame.all')})" if hidden else ""
+            reasons = [line(("✗ " + name + more, Token.WARNING))]
+            for problem in told:
+                reasons += hanging(dim("  "), text.problem(named(problem, text)), width)
+            rows += reasons
+            wrong += reasons
+    if height is None or len(rows) <= height:
+        return rows
+    return clipped([*wrong, *(row for row in rows if row not in wrong)], height, text("panel.more"))
 
 
 def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float, width: int) -> list[Line]:

@@ -17,7 +17,7 @@ from console.session.work import Work, saved_as, undone
 from console.tui.desk import Desk, View
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import Line, dim, line
+from console.tui.lines import Line, dim, hanging, line
 from console.tui.page import Page
 from console.tui.pages.fields import FORM, FormField, free_name, judge, name_problem, named, with_unit, written
 from console.tui.pages.setup_lines import FormState, draft, finding_lines, form, speed_lines
@@ -74,7 +74,7 @@ class SetupPage(Page):
         self._form = Sheet(desk.palette, classes="form")
         self._speed = Sheet(desk.palette, classes="speed")
         self._findings = Sheet(desk.palette, classes="findings")
-        self._entry = Input(classes="entry", compact=True, select_on_focus=True)
+        self._entry = Input(classes="entry", compact=True, select_on_focus=False)
         self._entry.cursor_blink = False
         self._entering = Entering.NOTHING
         self._selected = 0
@@ -111,6 +111,9 @@ class SetupPage(Page):
         self._locked = lock(view.state)
         if self._locked is not None and self._entering is not Entering.NOTHING:
             self._drop()
+        if self._entering is not Entering.NOTHING and self.screen.focused is not self._entry:
+            # A list that was read in the place of the page has taken it.
+            self.screen.set_focus(self._entry, scroll_visible=False)
         self._paint()
 
     def act(self, action: str) -> None:
@@ -127,6 +130,18 @@ class SetupPage(Page):
     def next_step(self, view: View) -> Line:
         """Return what to do with the form."""
         return line((self._next_words(), Token.ACTION))
+
+    def in_full(self, view: View, width: int) -> list[Line]:
+        """Return why the values are locked or what is typed is refused, then every finding."""
+        work, text = self.desk.work, self.desk.text
+        if work is None:
+            return []
+        state = self._state(work)
+        refused = () if state.judged is None else state.judged.problems
+        rows: list[Line] = []
+        for problem in (*refused, *(() if self._locked is None else (self._locked,))):
+            rows += hanging(("! ", Token.WARNING), text.problem(named(problem, text)), width)
+        return [*rows, *finding_lines(check(draft(state), self._machine), text, width, told=self._told)]
 
     def leave(self) -> None:
         """End what is typed: a good value is taken, another one is dropped and said."""

@@ -9,7 +9,7 @@ from rich.cells import cell_len
 
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, fact, fitted, line, width_of, wrapped
+from console.tui.lines import BLANK, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
 from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, with_unit, written
 from console.tui.theme import Token
 from profiles.chucking.advice import ForceSpan, Stands, force_span
@@ -25,6 +25,9 @@ ENTRY_WIDTH = 10
 """Cells in which a number is typed; a text takes all of its row."""
 
 FOOT_ROWS = 2
+LEAST_VALUES = 3
+"""Rows of values that stay however long the words below them are."""
+
 _MARK, _LABEL, _UNIT = 2, 15, 8
 _SPEED_LABEL, _SPEED_WIDTH = 19, 46
 _ROWS_WITH_BAR = 8
@@ -61,14 +64,17 @@ class Form:
 
 def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
     """Return the form in a room of cells; what is selected is always in it."""
-    foot = [*_foot(state, text, width), *[BLANK] * FOOT_ROWS][:FOOT_ROWS]
-    room = max(height - FOOT_ROWS, 1)
+    foot = _foot(state, text, width)
+    foot += [BLANK] * (FOOT_ROWS - len(foot))
+    # A refusal that is longer takes rows of the headings, then of the values that are not being changed.
+    foot = clipped(foot, max(height - LEAST_VALUES, FOOT_ROWS), text("panel.more"))
+    room = max(height - len(foot), 1)
     rows = _rows(room, state.selected)
     lines = [_row(row, state, text, width) for row in rows]
     if len(lines) < room:
         lines.append(BLANK)
     foot_row = len(lines)
-    filled = [*lines, *foot, *_file_lines(state.work, text, width, height - foot_row - FOOT_ROWS)][
+    filled = [*lines, *foot, *_file_lines(state.work, text, width, height - foot_row - len(foot))][
         : max(height, 0)
     ]
     if state.naming is not None:
@@ -142,30 +148,30 @@ def _wrench_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int
 
 
 def finding_lines(
-    findings: Sequence[Finding], text: Catalogue, width: int, height: int, told: Sequence[Problem] = ()
+    findings: Sequence[Finding],
+    text: Catalogue,
+    width: int,
+    height: int | None = None,
+    told: Sequence[Problem] = (),
 ) -> list[Line]:
     """Return what does not hold, then the warnings, then how many rules hold, and which if there is room.
 
-    `told` is what has to be known of the machine's calibrations: warnings that are no rules.
+    `told` is what has to be known of the machine's calibrations: warnings that are no rules. Without a height
+    it is all of that.
     """
     refused = [finding.problem for finding in findings if finding.severity is Severity.REFUSAL]
     warned = [finding.problem for finding in findings if finding.severity is Severity.WARNING]
     lines: list[Line] = []
-    for problems, mark in ((refused, ("✗", Token.ALARM)), ((*warned, *told), ("!", Token.WARNING))):
+    for problems, mark in ((refused, ("✗ ", Token.ALARM)), ((*warned, *told), ("! ", Token.WARNING))):
         for problem in problems:
-            sentence = wrapped(text.problem(named(problem, text)), width - 2)
-            lines += [line(mark if row == 0 else " ", " ", *pieces) for row, pieces in enumerate(sentence)]
+            lines += hanging(mark, text.problem(named(problem, text)), width)
     held = [finding for finding in findings if finding.severity is Severity.OK]
-    room = max(height - 1, 0)
-    if len(lines) > room:
-        more = text("setup.more", count=len(lines) - room + 1)
-        lines = [*lines[: max(room - 1, 0)], line(("… " + more, Token.WARNING))]
-    hold = text("setup.hold", count=len(held), total=len(findings))
-    lines.append(line(("✓ ", Token.OK), hold))
+    if height is not None and len(lines) >= height:
+        return clipped(lines, height, text("panel.more"))
+    lines.append(line(("✓ ", Token.OK), text("setup.hold", count=len(held), total=len(findings))))
     names = [text(f"name.{finding.problem.code}") for finding in held]
-    return [*lines, *((dim(fitted("  " + name, width)),) for name in _as_fit(names, height - len(lines), text))][
-        : max(height, 0)
-    ]
+    fitting = names if height is None else _as_fit(names, height - len(lines), text)
+    return [*lines, *((dim(fitted("  " + name, width)),) for name in fitting)]
 
 
 def _as_fit(names: list[str], rows: int, text: Catalogue) -> list[str]:
@@ -244,15 +250,15 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
 
 
 def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
-    """Two rows under the form: the refusal in words, or what may be typed."""
+    """The rows under the form, mostly two: the refusal in words, or what may be typed."""
     if state.naming is not None:
         brackets = "[" + " " * max(width - width_of(_name_label(text)) - 2, 0) + "]"
-        return [(*_name_label(text), (brackets, Token.TEXT)), *_naming_words(state, text, width)[:1]]
+        return [(*_name_label(text), (brackets, Token.TEXT)), *_naming_words(state, text, width)]
     if state.typed is not None and state.judged and state.judged.problems:
         words = text.problem(named(state.judged.problems[0], text))
-        return _shortened(wrapped(words, width, Token.WARNING), width)
+        return wrapped(words, width, Token.WARNING)
     if state.locked is not None:
-        return _shortened(wrapped("! " + text.problem(state.locked), width, Token.WARNING), width)
+        return wrapped("! " + text.problem(state.locked), width, Token.WARNING)
     rule, field, work = state.field.rule, state.field, state.work
     allowed = text("setup.allowed", limit=rule.limit) if field.numeric else text("setup.allowed_text")
     notes = []
@@ -263,17 +269,6 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
     elif field.key in work.job.assumed:
         notes.append(text("setup.assumed_long"))
     return [(dim(fitted(words, width)),) for words in (allowed, *notes)]
-
-
-def _shortened(lines: list[Line], width: int) -> list[Line]:
-    """Return what fits under the form; a sentence that goes on says so."""
-    kept = lines[:FOOT_ROWS]
-    if len(lines) > FOOT_ROWS:
-        (words, token) = kept[-1][0]
-        # A number that is cut would be read as another one: words stay whole.
-        whole = words if cell_len(words) + 2 <= width else words.rpartition(" ")[0]
-        kept[-1] = ((whole + " …", token),)
-    return kept
 
 
 def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line]:
@@ -293,8 +288,8 @@ def _naming_words(state: FormState, text: Catalogue, width: int) -> list[Line]:
     if not name:
         return [(dim(text("setup.name_empty")),)]
     if state.naming_problem is not None:
-        return [((fitted("✗ " + text.problem(state.naming_problem), width), Token.WARNING),)]
-    return [(dim(fitted(text("setup.name_file", name=name), width)),)]
+        return hanging(("✗ ", Token.WARNING), text.problem(state.naming_problem), width, Token.WARNING)
+    return wrapped(text("setup.name_file", name=name), width, Token.DIM)
 
 
 def _name_label(text: Catalogue) -> Line:

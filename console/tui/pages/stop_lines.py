@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from console.session.progress import CutProgress
 from console.session.state import StationState, StopState
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, fact, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, clipped, fact, wrapped
 from console.tui.theme import Token
 
 LABEL_WIDTH = 13
@@ -15,14 +15,19 @@ TURNING_RPM = 1.0
 """Speed from which the spindle turns; a drive that is off may creep a count or two."""
 
 
-def stop_lines(text: Catalogue, stop: StopState, speed_rpm: float | None, width: int) -> list[Line]:
-    """Return how a stop ended, and what to do, in order. `speed_rpm` is that of the spindle, None if not known."""
+def stop_lines(
+    text: Catalogue, stop: StopState, speed_rpm: float | None, width: int, height: int | None = None
+) -> list[Line]:
+    """Return how a stop ended, and what to do, in order. `speed_rpm` is that of the spindle, None if not known.
+
+    In little room what to do comes before how it ended.
+    """
 
     def row(key: str, value: str, token: Token) -> Line:
         return fact(text(f"run_page.stop.{key}"), value, width, label_width=LABEL_WIDTH, token=token)
 
     how = text("run_page.stop.kill") if stop.killed else text("run_page.stop.ramp")
-    rows = [*_not_delivered(text, stop, width), row("by", how, Token.TEXT)]
+    head, rows = _not_delivered(text, stop, width), [row("by", how, Token.TEXT)]
     if stop.rest_s is None:
         rows.append(row("rest", text("run_page.rest_unproven"), Token.WARNING))
     else:
@@ -34,7 +39,11 @@ def stop_lines(text: Catalogue, stop: StopState, speed_rpm: float | None, width:
         rows.append(row("tool", *_tool(text, stop)))
         rows.append(row("drives", drives, Token.TEXT if stop.can_retract else Token.WARNING))
     mark = [] if stop.mark_mm is None or stop.rest_s is None else mark_lines(text, (stop.mark_mm,), width)
-    return [*rows, *mark, BLANK, *wrapped(_remedy(text, stop), width, Token.STRONG)]
+    remedy = wrapped(_remedy(text, stop), width, Token.STRONG)
+    lines = [*head, *rows, *mark, BLANK, *remedy]
+    if height is None or len(lines) <= height:
+        return lines
+    return clipped([*head, *remedy, BLANK, *mark, *rows], height, text("panel.more"))
 
 
 def _times(text: Catalogue, stop: StopState, rest_s: float) -> str:
@@ -66,15 +75,21 @@ def spindle_line(text: Catalogue, speed_rpm: float | None, width: int) -> Line:
     return fact(label, value, width, label_width=LABEL_WIDTH, token=Token.WARNING)
 
 
-def lost_lines(text: Catalogue, state: StationState, now_s: float, width: int) -> list[Line]:
-    """Return that nothing is known any more, since when, and what to do."""
+def lost_lines(
+    text: Catalogue, state: StationState, now_s: float, width: int, height: int | None = None
+) -> list[Line]:
+    """Return that nothing is known any more, since when, and what to do; in little room what to do comes first."""
     rows = [] if state.stop is None else _not_delivered(text, state.stop, width)
     age_s = state.age_s(now_s)
     if age_s is None:
         return [*rows, *wrapped(text("run_page.lost.never"), width, Token.WARNING)]
     age = text("run_page.lost.age", age=f"{age_s:.0f}")
     remedy = text("run_page.lost.remedy")
-    return [*rows, *wrapped(age, width, Token.WARNING), BLANK, *wrapped(remedy, width, Token.STRONG)]
+    since, advice = wrapped(age, width, Token.WARNING), wrapped(remedy, width, Token.STRONG)
+    lines = [*rows, *since, BLANK, *advice]
+    if height is None or len(lines) <= height:
+        return lines
+    return clipped([*rows, *advice, *since], height, text("panel.more"))
 
 
 def stale(lines: Sequence[Line]) -> list[Line]:

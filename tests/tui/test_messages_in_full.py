@@ -1,0 +1,220 @@
+"""Messages on the whole console: they take lines from the page, stop and keys stay, and w shows every one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from console.session.alarms import Priority, raised
+from console.session.state import Activity, StationState, StopState
+from console.text.catalogue import load
+from console.tui.app import ConsoleApp
+from console.tui.keymap import PageName
+from console.tui.pages.fields import named
+from profiles.problem import Problem
+from tests.tui import align_stage, run_stage
+from tests.tui.scenes import Scene, application, fill, played, rows_of, scene_of, settle
+from tests.tui.stage import LANGUAGES, FixedControl, experiment
+
+Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
+Size = tuple[int, int]
+
+UNDELIVERED = run_stage.STATES["stop not delivered"]
+REFUSED = tuple(
+    Problem(code=code, key="spindle_speed_rpm", value="12345.678 rpm", limit="> 0, <= 5000 rpm")
+    for code in ("rule.force_differs", "stops.other_settings", "rule.wall_border")
+)
+ENDLESS = (Problem(code="session.fault", value="lathe " * 300), *REFUSED)
+
+
+def play(scene: Scene, act: Act, data: Path, *, size: Size = (80, 24), language: str = "ko") -> ConsoleApp:
+    fill(data)
+    app, control = application(scene, data, language=language)
+
+    async def run() -> None:
+        async with played(app, scene, size) as pilot:
+            await act(app, pilot, control)
+
+    asyncio.run(run())
+    assert app.fault is None
+    return app
+
+
+def at(page: PageName, state: StationState) -> Scene:
+    return Scene(page=page, state=state, work=experiment())
+
+
+def one_word(text: str) -> str:
+    return "".join(text.split())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("size", [(60, 18), (80, 24), (160, 48)])
+@pytest.mark.parametrize("page", [PageName.JOBS, PageName.RUN])
+def test_a_stop_that_failed_is_said_in_full_beside_the_stop_key(
+    page: PageName, size: Size, language: str, tmp_path: Path
+) -> None:
+    text = load(language)
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        rows = rows_of(app)
+        assert len(rows) == size[1]
+        assert rows[-1].rstrip().endswith(f"? {text('key.help')}")
+        assert rows[-2].startswith(f" {text('frame.stop')} ")
+        beside = " ".join(rows[-4:-1] if size[0] < 80 else rows[-2:-1])
+        assert one_word(text("frame.not_delivered")) in one_word(beside.replace(text("frame.stop"), ""))
+
+    play(at(page, UNDELIVERED), act, tmp_path, size=size, language=language)
+
+
+@pytest.mark.parametrize("page", PageName)
+def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName, tmp_path: Path) -> None:
+    text = load("ko")
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        before = rows_of(app)
+        answered = app.desk.said
+        for said in (REFUSED, ENDLESS):
+            app.desk.said = said
+            await settle(app, pilot)
+            rows = rows_of(app)
+            assert app.desk.said == said, "something went wrong on a page with little room"
+            assert (len(rows), rows[-1]) == (24, before[-1])
+            assert text("frame.stop") in rows[-2] or text("frame.stop_in_text") in rows[-2]
+            assert rows[0] == before[0]
+        app.desk.said = REFUSED
+        await settle(app, pilot)
+        rows = rows_of(app)
+        more = f"+2 {text('frame.all')}"
+        assert more in rows[1]
+        shown = one_word(" ".join(rows[1:9]).replace(more, ""))
+        assert one_word(text.problem(named(REFUSED[0], text))) in shown
+        app.desk.said = answered
+        await settle(app, pilot)
+        assert rows_of(app) == before
+
+    play(scene_of(page), act, tmp_path)
+
+
+async def read_through(app: ConsoleApp, pilot: Pilot[None]) -> str:
+    """Everything that the open list shows, scrolled to its end."""
+    seen: list[str] = []
+    for _ in range(40):
+        await settle(app, pilot)
+        shown = [row.rstrip() for row in rows_of(app)]
+        fresh = [row for row in shown if row not in seen]
+        if not fresh:
+            break
+        seen += fresh
+        await pilot.press("pagedown")
+    return one_word(" ".join(seen))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_w_shows_all_answers_and_alarms_and_what_the_page_asks_for(language: str, tmp_path: Path) -> None:
+    """On Set-up in a low panel: findings that had no room, several answers, an alarm."""
+    text = load(language)
+    scene = replace(scene_of(PageName.SETUP), keys=())
+    alarms = raised((), Problem(code="machine.fault", key="X", value="tool"), Priority.HIGH, 1.0)
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        before = rows_of(app)
+        control.state = replace(control.state, alarms=alarms)
+        app.desk.said = REFUSED
+        await pilot.press("w")
+        shown = await read_through(app, pilot)
+        for problem in REFUSED:
+            assert one_word(text.problem(named(problem, text))) in shown
+        assert one_word(text.problem(alarms[0].problem)) in shown
+        assert one_word(text("name.rule.feed_over_land")) in shown
+        assert app.desk.said == REFUSED
+        control.state = replace(control.state, alarms=())
+        await pilot.press("backspace")
+        await settle(app, pilot)
+        assert rows_of(app) == before
+
+    play(scene, act, tmp_path, language=language)
+
+
+def test_w_closes_what_w_opened_and_a_hangul_layout_has_it_too(tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        before = rows_of(app)
+        for key in ("w", "ㅈ"):
+            await pilot.press(key)
+            await settle(app, pilot)
+            assert load("ko")("messages.close") in "\n".join(rows_of(app))
+            await pilot.press(key)
+            await settle(app, pilot)
+            assert rows_of(app) == before
+
+    play(scene_of(PageName.RUN), act, tmp_path)
+
+
+@pytest.mark.parametrize("opening", ["w", "?"])
+def test_while_a_list_is_read_its_keys_jog_nothing(opening: str, tmp_path: Path) -> None:
+    """With the jog enabled PgDn would turn the spindle, and the arrows move the tool."""
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        await pilot.press("j", opening, "pagedown", "down", "pageup", "up")
+        assert (control.orders, control.stops) == ([], [])
+        await pilot.press("backspace", "pagedown")
+        assert len(control.orders) == 1
+
+    scene = at(PageName.ALIGN, align_stage.state(align_stage.VALID))
+    play(scene, act, tmp_path)
+
+
+def test_in_motion_a_message_is_read_without_a_stop_and_other_keys_stop(tmp_path: Path) -> None:
+    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+        assert control.state.activity is Activity.CUTTING
+        await pilot.press("w", "pagedown", "up")
+        assert (control.orders, control.stops) == ([], [])
+        await pilot.press("x")
+        assert control.stops == ["unbound"]
+        await pilot.press("space")
+        assert control.stops == ["unbound", "space"]
+        await pilot.press("w", "pagedown")
+        assert control.stops == ["unbound", "space", "unbound"], "with the list closed PgDn means nothing on Run"
+
+    play(at(PageName.RUN, run_stage.cutting()), act, tmp_path)
+
+
+def test_an_entry_stays_in_its_row_while_an_answer_comes_and_goes_on_after_a_list(tmp_path: Path) -> None:
+    """The form moves up under the cursor: what is typed is seen where its brackets are."""
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        for said in (ENDLESS, ()):
+            app.desk.said = said
+            await settle(app, pilot)
+            assert [row for row in rows_of(app) if "▸" in row and "[1,200     ]" in row]
+        for key, expected in (("w", "[1,2009    ]"), ("?", "[1,20099   ]")):
+            await pilot.press(key)
+            await settle(app, pilot)
+            await pilot.press(*([key] if key == "w" else [key, key]))
+            await settle(app, pilot)
+            await pilot.press("9")
+            await settle(app, pilot)
+            assert [row for row in rows_of(app) if expected in row]
+
+    play(scene_of(PageName.SETUP), act, tmp_path)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_terminal_that_is_too_small_still_says_what_cannot_wait(language: str, tmp_path: Path) -> None:
+    text = load(language)
+    alarms = raised((), Problem(code="machine.not_at_rest", value="5 s"), Priority.HIGH, 1.0)
+    stop = StopState(reason="space", killed=False, sent_s=98.0, delivered=False)
+
+    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+        shown = one_word(" ".join(rows_of(app)))
+        for sentence in (text("frame.not_delivered"), text.problem(alarms[0].problem)):
+            assert one_word(sentence) in shown
+        assert "60x18" in shown
+
+    scene = at(PageName.JOBS, replace(UNDELIVERED, stop=stop, alarms=alarms))
+    play(scene, act, tmp_path, size=(40, 12), language=language)

@@ -1,0 +1,311 @@
+"""No message that tells somebody to act is cut at 80 x 24: every sentence of both catalogues, in its row or panel.
+
+What is walked is what stands in the catalogues, so that a new sentence is walked without being added here.
+"""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+
+import pytest
+from rich.cells import cell_len
+
+from console.session.alarms import Alarm, Priority
+from console.session.part_lesson import PartLesson
+from console.session.state import Activity, StationState, StopState
+from console.text.catalogue import LANGUAGES, Catalogue, load
+from console.tui.frame import LEAST_BODY, ROWS, Frame, alarm_row, frame_rows, next_row, stop_row
+from console.tui.gate import FieldKind
+from console.tui.keymap import PageName
+from console.tui.lines import Line, line, plain, width_of
+from console.tui.messages import message_lines
+from console.tui.pages import preview_lines, setup_lines
+from console.tui.pages.fields import FORM, judge, name_problem, named
+from console.tui.pages.learn_lines import reason_lines
+from console.tui.pages.run_lines import Check, check_lines
+from console.tui.pages.setup_lines import FormState, form
+from console.tui.pages.stop_lines import lost_lines, stop_lines
+from console.tui.theme import Token
+from profiles.problem import Problem
+from profiles.rules import Finding, Severity
+from tests.tui import run_stage
+from tests.tui.run_stage import MADE, state
+from tests.tui.stage import experiment
+from tests.tui.test_frame_rows import READY, STOPPED, frame
+
+COLUMNS, TERMINAL_ROWS = 80, 24
+
+# As long as they get: a serial line by its name, a setting, a reason of the operating system, all the strategies.
+LONG = {
+    "where": "serial:/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A10KZP45-if00-port0?baud=115200",
+    "key": "tool.encoder_acceleration_limit_m_per_s2",
+    "value": "[Errno 13] Permission denied: lee-2001-experiment-1-second-clamping.toml",
+    "limit": "pvt, cam, timebase, paper, none; > 0.000 mm and <= 12345.678 mm (of 130.000 mm)",
+}
+OTHER = "12345.678 mm"
+ALARMS = 12
+
+
+@cache
+def sentences(language: str) -> dict[str, str]:
+    return load(language)._entries  # type: ignore[return-value]
+
+
+def problems(language: str) -> list[Problem]:
+    """Every problem that has a sentence, with all of its fields as long as they get."""
+    codes = [key.removeprefix("problem.") for key in sentences(language) if key.startswith("problem.")]
+    assert len(codes) > 400
+    return [Problem(code=code, **LONG) for code in codes]
+
+
+def filled(language: str) -> Iterator[str]:
+    """Every other sentence, with long values."""
+    for key, entry in sentences(language).items():
+        if not key.startswith("problem."):
+            fields = [(name, form) for _, name, form, _ in string.Formatter().parse(entry) if name]
+            values = {name: 12345.678 if form else LONG.get(name, OTHER) for name, form in fields}
+            yield load(language)(key, **values)
+
+
+def letters(lines: Sequence[Line], without: str = "") -> str:
+    """What is written, without the blanks that lines are broken at, and without what stands beside it."""
+    text = plain(lines)
+    assert without in text.split("\n")[0]
+    return "".join(text.replace(without, "", 1).split())
+
+
+def one_word(text: str) -> str:
+    return "".join(text.split())
+
+
+def alarmed(problem: Problem, *, acknowledged: bool = False) -> StationState:
+    """One alarm in front of eleven others that were seen."""
+    others = tuple(
+        Alarm(problem=Problem(code="link.lost"), priority=Priority.LOW, at_s=2.0 + n, acknowledged=True)
+        for n in range(ALARMS - 1)
+    )
+    return replace(
+        READY,
+        alarms=(Alarm(problem=problem, priority=Priority.HIGH, at_s=1.0, acknowledged=acknowledged), *others),
+    )
+
+
+def fits(now: Frame) -> dict[str, list[Line]]:
+    """The rows, which leave the page its least room, and none of which is too wide."""
+    rows = frame_rows(now, COLUMNS, TERMINAL_ROWS)
+    assert list(rows) == list(ROWS)
+    assert sum(len(lines) for lines in rows.values()) <= TERMINAL_ROWS - LEAST_BODY
+    assert all(width_of(each) <= COLUMNS for lines in rows.values() for each in lines)
+    return rows
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_problem_is_whole_as_an_alarm_and_as_an_answer(language: str) -> None:
+    text = load(language)
+    count, shown = f"({ALARMS})", text("frame.all")
+    acknowledge = f"{text('frame.acknowledge', count=ALARMS)} {shown}"
+    for problem in problems(language):
+        sentence = one_word(text.problem(problem))
+        unseen, seen = alarmed(problem), alarmed(problem, acknowledged=True)
+        assert letters(fits(frame(unseen, language))["alarm"], acknowledge) == f"!!!{sentence}"
+        assert letters(fits(frame(seen, language))["alarm"], f"{count} {shown}") == f"!!!{sentence}"
+        answer = one_word(text.problem(named(problem, text)))
+        alone, others = (problem,), (problem, problem, problem)
+        assert letters(fits(frame(READY, language, said=alone))["alarm"]) == f"–{answer}"
+        assert letters(fits(frame(replace(READY, refusals=alone), language))["alarm"]) == f"–{answer}"
+        assert letters(fits(frame(READY, language, said=others))["alarm"], f"+2 {shown}") == f"–{answer}"
+        below = fits(frame(alarmed(Problem(code="link.lost")), language, said=others))
+        assert letters(below["next"], f"+2 {shown}") == f"–{answer}"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_other_sentence_is_whole_as_the_next_step(language: str) -> None:
+    for sentence in filled(language):
+        now = frame(READY, language, next_step=line((sentence, Token.ACTION)))
+        assert letters(fits(now)["next"]) == f"▶{one_word(sentence)}"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_beside_the_longest_alarm_an_answer_is_whole_or_says_what_shows_it(language: str) -> None:
+    text = load(language)
+    each = sorted(problems(language), key=lambda problem: cell_len(text.problem(problem)))
+    alarm = each[-1]
+    for answer in (each[len(each) // 2], each[-1]):
+        rows = fits(frame(alarmed(alarm), language, said=(answer,)))
+        count = f"{text('frame.acknowledge', count=ALARMS)} {text('frame.all')}"
+        assert letters(rows["alarm"], count) == f"!!!{one_word(text.problem(alarm))}"
+        whole = letters(rows["next"]) == f"–{one_word(text.problem(named(answer, text)))}"
+        assert whole is (answer is not alarm)
+        assert whole or plain(rows["next"][-1:]) == text("panel.more")
+
+
+UNDELIVERED = replace(STOPPED, stop=StopState(reason="space", killed=False, sent_s=1.0, delivered=False))
+OF_THE_STOP_ROW = {
+    "frame.not_delivered": UNDELIVERED,
+    "frame.not_known": replace(READY, activity=Activity.LOST),
+    "frame.stop_sent": replace(STOPPED, stop=StopState(reason="f9", killed=True, sent_s=1.0)),
+    "frame.at_rest_after": STOPPED,
+    "frame.spindle_needs": run_stage.cutting(),
+    "frame.moving": replace(run_stage.cutting(), activity=Activity.HOMING),
+    "frame.at_rest": READY,
+}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("width", [60, COLUMNS, 160])
+@pytest.mark.parametrize("field", [FieldKind.NONE, FieldKind.TEXT])
+@pytest.mark.parametrize("key", OF_THE_STOP_ROW)
+def test_what_stands_beside_the_stop_key_is_whole_and_the_key_in_its_place(
+    key: str, field: FieldKind, width: int, language: str
+) -> None:
+    text = load(language)
+    facts = (
+        {"seconds": "0.6", "how": text("frame.by_ramp")} if key == "frame.at_rest_after" else {"seconds": "0.3"}
+    )
+    *above, last = rows = stop_row(frame(OF_THE_STOP_ROW[key], language, field=field), width)
+    stop = text("frame.stop") if field is FieldKind.NONE else text("frame.stop_in_text")
+    assert plain([last]).startswith(f" {stop} ")
+    assert letters([*above, (("", Token.TEXT), *last[1:])]) == one_word(text(key, **facts))
+    assert {width_of(each) for each in rows} == {width}
+    if width >= COLUMNS:
+        assert above == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_no_terminal_has_room_for_goes_on_in_the_list(language: str) -> None:
+    """The stop key and the keys stay where they are, however long a message is."""
+    text = load(language)
+    endless = Problem(code="session.fault", value="lathe " * 700)
+    now = frame(alarmed(endless), language, said=(endless,))
+    rows = frame_rows(now, COLUMNS, TERMINAL_ROWS)
+    assert sum(len(lines) for lines in rows.values()) == TERMINAL_ROWS - LEAST_BODY
+    assert (len(rows["state"]), len(rows["stop"]), len(rows["keys"])) == (1, 1, 1)
+    assert plain(rows["alarm"][-1:]) == text("panel.more")
+    assert letters(message_lines(now, (), COLUMNS)).count("lathe") == 2 * 700
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_list_has_every_message_in_full(language: str) -> None:
+    text, each = load(language), problems(language)
+    alarms = tuple(Alarm(problem=problem, priority=Priority.HIGH, at_s=1.0) for problem in each)
+    rows = message_lines(frame(replace(READY, alarms=alarms), language, said=tuple(each)), (), COLUMNS)
+    assert all(width_of(row) <= COLUMNS for row in rows)
+    shown = letters(rows)
+    for problem in each:
+        assert f"!!!{one_word(text.problem(problem))}" in shown
+        assert f"–{one_word(text.problem(named(problem, text)))}" in shown
+
+
+# The panels of the pages at 80 x 24: the sentence is there, or the last row says that w shows the rest of it.
+
+Panel = Callable[[Problem, Catalogue, int, int | None], list[Line]]
+REFUSED = Severity.REFUSAL
+
+
+def of_run(problem: Problem, text: Catalogue, width: int, height: int | None) -> list[Line]:
+    return check_lines(text, (Check(name="no_stop"), Check(name="job", problems=(problem,))), width, height)
+
+
+def of_setup(problem: Problem, text: Catalogue, width: int, height: int | None) -> list[Line]:
+    return setup_lines.finding_lines([Finding(severity=REFUSED, problem=problem)], text, width, height)
+
+
+def of_preview(problem: Problem, text: Catalogue, width: int, height: int | None) -> list[Line]:
+    return preview_lines.finding_lines([Finding(severity=REFUSED, problem=problem)], text, width)
+
+
+def of_inspect(problem: Problem, text: Catalogue, width: int, height: int | None) -> list[Line]:
+    return reason_lines(PartLesson(made=MADE, problems=(problem,)), text, width)
+
+
+PANELS: dict[str, tuple[Panel, int, int | None]] = {
+    "run": (of_run, 39, 16),
+    "set-up": (of_setup, 29, 7),
+    "preview": (of_preview, 34, None),
+    "inspect": (of_inspect, 78, None),
+}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", PANELS)
+def test_a_panel_has_the_sentence_or_says_what_shows_it(name: str, language: str) -> None:
+    panel, width, height = PANELS[name]
+    text = load(language)
+    cut = 0
+    for problem in problems(language):
+        sentence = one_word(text.problem(named(problem, text)))
+        sentences_ = (sentence, one_word(text.problem(problem)))
+        rows = panel(problem, text, width, height)
+        assert all(width_of(row) <= width for row in rows)
+        if not any(each in letters(rows) for each in sentences_):
+            cut += 1
+            assert height is not None and len(rows) == height
+            assert plain(rows[-1:]) == text("panel.more")
+        assert any(each in letters(panel(problem, text, COLUMNS - 2, None)) for each in sentences_)
+    assert (cut > 0) is (height is not None), "the fields are too short to try what has no room"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_under_the_form_every_refusal_of_an_entry_is_whole(language: str) -> None:
+    """Each value of the form with what nobody may type, and each name under which nothing is saved."""
+    text, work = load(language), experiment()
+    refused = 0
+    for place, field in enumerate(FORM):
+        for typed in ("1,200", "-999999.123", "99999999999.25", "1.2.3", "x" * 24):
+            judged = judge(work, field, typed)
+            entered = FormState(work=work, selected=place, typed=typed, judged=judged)
+            rows = form(entered, text, 47, 16)
+            assert rows.entry is not None and "[" in plain([rows.lines[rows.entry[1]]])
+            for problem in judged.problems[:1]:
+                refused += 1
+                assert one_word(text.problem(named(problem, text))) in letters(rows.lines)
+    assert refused > 30
+    taken = frozenset({"lee-2001-experiment-1-second-clamping-in-the-other-chuck"})
+    for name in (*taken, "a/b", "x" * 61):
+        unfit = name_problem(name, taken)
+        assert unfit is not None
+        naming = FormState(work=work, naming=name, naming_problem=unfit)
+        assert one_word(text.problem(unfit)) in letters(form(naming, text, 47, 16).lines)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("height", [16, 10, 8])
+@pytest.mark.parametrize("name", [name for name, each in run_stage.STATES.items() if each.stop is not None])
+def test_after_a_stop_what_to_do_is_on_the_page_in_full(name: str, height: int, language: str) -> None:
+    """Also where messages have taken half of the page; the figures of the stop give way."""
+    text, now = load(language), run_stage.STATES[name]
+    assert now.stop is not None
+    if now.activity is Activity.LOST:
+        rows = lost_lines(text, now, 100.0, 39, height)
+        remedies = [text("run_page.lost.remedy")]
+    else:
+        rows = stop_lines(text, now.stop, 1000.0, 39, height)
+        remedies = [entry for key, entry in sentences(language).items() if key.startswith("run_page.remedy.")]
+    assert len(rows) <= height
+    assert any(one_word(remedy) in letters(rows) for remedy in remedies)
+    if not now.stop.delivered:
+        assert one_word(text("run_page.not_delivered")) in letters(rows)
+    assert "…" not in plain(rows).replace(text("panel.more"), "")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_long_name_of_the_machine_does_not_hide_what_the_machine_does(language: str) -> None:
+    lost = state(
+        activity=Activity.LOST,
+        machine="a-lathe-with-a-name-as-long-as-a-file-may-have-it-in-the-folder-of-machines",
+    )
+    shown = plain(ROWS["state"](frame(lost, language), COLUMNS))
+    assert load(language)("activity.lost") in shown and "a-lathe" in shown
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_was_cut_at_80_columns_has_now_the_lines_that_it_needs(language: str) -> None:
+    """The walk can fail: most sentences with long values are longer than a row."""
+    longer = [each for each in problems(language) if cell_len(load(language).problem(each)) > COLUMNS - 5]
+    assert len(longer) > 300
+    assert {len(alarm_row(frame(alarmed(each), language), COLUMNS)) for each in longer} >= {2, 3, 4}
+    assert len(next_row(frame(READY, language, next_step=line("word " * 40)), COLUMNS)) == 3
+    assert PageName.RUN is frame().page
