@@ -30,6 +30,7 @@ DOCUMENTS = (
     "docs/ownership.md",
     "docs/paper-program.md",
     "docs/paper.md",
+    "docs/planned-cut.md",
     "docs/plant.md",
     "docs/pmac-emulation.md",
     "docs/screens.md",
