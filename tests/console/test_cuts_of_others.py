@@ -117,10 +117,13 @@ def test_an_undisturbed_cut_is_done(floor: Floor, strategy: Strategy) -> None:
 
 
 def test_a_hold_of_this_console_is_a_hold(floor: Floor) -> None:
+    def hold() -> None:
+        assert floor.station.post(Hold())
+
     floor.arm(experiment_1(LONG_MM))
     floor.when(
         lambda _: floor.state.cut is not None and floor.state.cut.turn > 10.0,
-        lambda: bool(floor.station.post(Hold())) or None,
+        hold,
     )
     state = floor.do(Start())
     assert told(state) == [] and state.cut is not None and state.cut.stage.value == "held" and not state.cut_done

@@ -14,7 +14,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName
+from drivers.snapshot import AxisName, Snapshot
 from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
@@ -36,11 +36,12 @@ class Kept:
         self.lathe.connect()
         assert self.lathe.verify() == ()
 
-    def _seen(self, _: object) -> None:
-        self.on_look()
+    def _seen(self, snapshot: Snapshot) -> None:
+        if snapshot.moving:
+            self.on_look()
 
     def silent_once(self, seconds: float) -> None:
-        """Sleep through the next look."""
+        """Sleep through the next look at something that moves."""
 
         def sleep() -> None:
             self.on_look = lambda: None

@@ -109,6 +109,7 @@ def test_the_retract_goes_out_and_never_in(closed: Bench) -> None:
     closed.lathe.retract(10_000.0)
     assert closed.lathe.snapshot().tool.position == pytest.approx(10_000, abs=4)
     # Where it already stands, a count of noise is no reason to complain, nor to move.
+    closed.sim.wait(1.0)
     commanded = closed.sim.controller.motors[1].desired
     closed.lathe.retract(10_003.0)
     assert closed.sim.controller.motors[1].desired == commanded
