@@ -49,13 +49,14 @@ class EnvelopeRow:
 class Envelope:
     """The rows over the amplitudes, and the row of the job with its speed as a percentage of each limit.
 
+    A limit of 0 rpm, of a tool that has no force beyond what is kept free, has no percentage (None).
     `plain_sine_rpm` is how fast the job could be cut within its tolerance without inverting the servo; None where
     it always can.
     """
 
     rows: tuple[EnvelopeRow, ...]
     at_job: EnvelopeRow
-    percent: dict[str, float]
+    percent: dict[str, float | None]
     plain_sine_rpm: float | None
 
 
@@ -75,7 +76,7 @@ def envelope(
     return Envelope(
         rows=rows,
         at_job=at_job,
-        percent={name: 100 * job.spindle_speed_rpm / rpm for name, rpm in at_job.rpm.items()},
+        percent={name: 100 * job.spindle_speed_rpm / rpm if rpm else None for name, rpm in at_job.rpm.items()},
         plain_sine_rpm=None if plain_hz is None else _rpm(plain_hz, job.jaws),
     )
 

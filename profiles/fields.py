@@ -6,7 +6,7 @@ that a file is corrected once. Nothing is guessed: a truth value is not a number
 
 Problem codes: `key.unknown`, `key.missing`, `key.missing_several`, `key.twice`, `value.not_number`,
 `value.not_whole`, `value.not_text`, `value.not_choice`, `value.not_finite`, `value.out_of_range`,
-`schema.unsupported`.
+`value.too_small`, `schema.unsupported`.
 """
 
 from __future__ import annotations
@@ -24,6 +24,10 @@ from profiles.problem import Problem
 
 SCHEMA = 1
 TEXT_CAP_CHARACTERS = 80
+
+LEAST_MAGNITUDE = 1e-9
+"""Below this, in any unit, a number is 0 or a mistake: squares and quotients of it leave what a float can hold."""
+
 _DEPTH_CAP_TABLES = 8
 # More than these in one file mean that it is some other file.
 _UNKNOWN_CAP = 20
@@ -118,10 +122,16 @@ def fault(field: Field, value: object) -> str:
         return "value.not_number"
     if isinstance(value, float) and not math.isfinite(value):
         return "value.not_finite"
+    return _fault_of_size(field, value)
+
+
+def _fault_of_size(field: Field, value: float) -> str:
     low = (field.above is not None and value <= field.above) or (
         field.at_least is not None and value < field.at_least
     )
-    return "value.out_of_range" if low or (field.at_most is not None and value > field.at_most) else ""
+    if low or (field.at_most is not None and value > field.at_most):
+        return "value.out_of_range"
+    return "value.too_small" if 0 < abs(value) < LEAST_MAGNITUDE else ""
 
 
 def flatten(table: Mapping[str, Any], *, where: str) -> tuple[dict[str, object], list[Problem]]:

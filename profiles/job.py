@@ -85,31 +85,38 @@ class Job:
         return self.jaws * self.spindle_speed_rpm / 60
 
 
-def _number(key: str, table: str, unit: str, at_most: float, *, optional: bool = False) -> Field:
-    return Field(key=key, table=table, unit=unit, above=0, at_most=at_most, optional=optional)
+LEAST_MM, LEAST_N, LEAST_RPM = 0.001, 0.1, 0.1
+"""Least length, force and speed of a job: below these there is no part, and quotients leave what is physical."""
+
+LEAST_CUT_MM = 0.0001
+"""Least depth and feed: a tenth of a micrometre."""
+
+
+def _number(key: str, table: str, unit: str, at_least: float, at_most: float, *, optional: bool = False) -> Field:
+    return Field(key=key, table=table, unit=unit, at_least=at_least, at_most=at_most, optional=optional)
 
 
 _CONTENT = (
     Field(key="name", kind=Kind.TEXT),
     Field(key="material", kind=Kind.TEXT, table="workpiece"),
-    _number("diameter_mm", "workpiece", "mm", 500),
-    _number("wall_thickness_mm", "workpiece", "mm", 250),
-    _number("overhang_mm", "workpiece", "mm", 1000),
+    _number("diameter_mm", "workpiece", "mm", LEAST_MM, 500),
+    _number("wall_thickness_mm", "workpiece", "mm", LEAST_MM, 250),
+    _number("overhang_mm", "workpiece", "mm", LEAST_MM, 1000),
     Field(key="jaws", kind=Kind.WHOLE, table="chuck", at_least=2, at_most=12),
-    _number("chucking_force_n", "chuck", "N", 100_000),
-    _number("depth_of_cut_mm", "cut", "mm", 5),
-    _number("feed_mm_per_rev", "cut", "mm/rev", 1),
-    _number("spindle_speed_rpm", "cut", "rpm", 5000),
-    _number("cut_length_mm", "cut", "mm", 1000),
+    _number("chucking_force_n", "chuck", "N", LEAST_N, 100_000),
+    _number("depth_of_cut_mm", "cut", "mm", LEAST_CUT_MM, 5),
+    _number("feed_mm_per_rev", "cut", "mm/rev", LEAST_CUT_MM, 1),
+    _number("spindle_speed_rpm", "cut", "rpm", LEAST_RPM, 5000),
+    _number("cut_length_mm", "cut", "mm", LEAST_MM, 1000),
     Field(key="lobe_error_um_pp", table="lobe", unit="um", at_least=0, at_most=1000),
     Field(key="lobe_phase_deg", table="lobe", unit="deg", at_least=-360, at_most=360),
     Field(key="lobe_error_source", kind=Kind.CHOICE, table="lobe", choices=LOBE_ERROR_SOURCES),
-    _number("roundness_tolerance_um", "lobe", "um", 1000),
-    _number("lobe_force_n", "lobe", "N", 100_000, optional=True),
-    _number("lobe_spindle_speed_rpm", "lobe", "rpm", 5000, optional=True),
-    _number("lobe_overhang_mm", "lobe", "mm", 1000, optional=True),
-    _number("lobe_wall_thickness_mm", "lobe", "mm", 250, optional=True),
-    _number("lobe_diameter_mm", "lobe", "mm", 500, optional=True),
+    _number("roundness_tolerance_um", "lobe", "um", 0.001, 1000),
+    _number("lobe_force_n", "lobe", "N", LEAST_N, 100_000, optional=True),
+    _number("lobe_spindle_speed_rpm", "lobe", "rpm", LEAST_RPM, 5000, optional=True),
+    _number("lobe_overhang_mm", "lobe", "mm", LEAST_MM, 1000, optional=True),
+    _number("lobe_wall_thickness_mm", "lobe", "mm", LEAST_MM, 250, optional=True),
+    _number("lobe_diameter_mm", "lobe", "mm", LEAST_MM, 500, optional=True),
     Field(key="lobe_chuck", kind=Kind.TEXT, table="lobe", optional=True),
     Field(key="lobe_tool", kind=Kind.TEXT, table="lobe", optional=True),
     Field(key="lobe_past_jaw_deg", table="lobe", unit="deg", at_least=-180, at_most=180, optional=True),

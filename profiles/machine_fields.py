@@ -40,13 +40,17 @@ _VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
 _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
 
+LEAST_SHARE = 1e-8
+"""A value above 0 is at least this share of its most: smaller ones are a wrong unit, and no quotient bears them."""
+
+
 def _positive(key: str, unit: str, at_most: float) -> Field:
-    return Field(key=key, unit=unit, above=0, at_most=at_most)
+    return Field(key=key, unit=unit, at_least=LEAST_SHARE * at_most, at_most=at_most)
 
 
 def _known(key: str, unit: str, at_most: float) -> Field:
     """A number above 0 that a profile may leave out where nobody knows it."""
-    return Field(key=key, unit=unit, above=0, at_most=at_most, optional=True)
+    return Field(key=key, unit=unit, at_least=LEAST_SHARE * at_most, at_most=at_most, optional=True)
 
 
 def _travel(key: str) -> Field:
@@ -93,7 +97,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("continuous_force_n", "N", 100_000),
             _positive("encoder_max_velocity_m_per_min", "m/min", 100_000),
             _positive("encoder_max_acceleration_m_per_s2", "m/s2", 100_000),
-            _positive("gain_kp_v_per_m", "V/m", 1e9),
+            Field(key="gain_kp_v_per_m", unit="V/m", at_least=0.001, at_most=1e9),
             Field(key="gain_ki_v_per_m_s", unit="V/(m s)", at_least=0, at_most=1e9),
             Field(key="gain_kd_v_s_per_m", unit="V s/m", at_least=0, at_most=1e9),
             _positive("dac_full_scale_v", "V", 100),
@@ -113,7 +117,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("inertia_kg_m2", "kg m2", 1000),
             _positive("peak_torque_n_m", "N m", 100_000),
             Field(key="drive", kind=Kind.CHOICE, choices=SPINDLE_DRIVES, default="servo"),
-            Field(key="ramp_rpm_per_s", unit="rpm/s", above=0, at_most=1_000_000, optional=True),
+            _known("ramp_rpm_per_s", "rpm/s", 1_000_000),
             Field(key="slip_rpm", unit="rpm", at_least=0, at_most=10_000, optional=True),
         ),
         "carriage": (
@@ -142,7 +146,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
         ),
         "heartbeat": (
             Field(key="policy", kind=Kind.CHOICE, choices=LOSS_POLICIES, default="retract"),
-            Field(key="grace_ms", unit="ms", above=0, at_most=60_000, default=1100.0),
+            Field(key="grace_ms", unit="ms", at_least=1, at_most=60_000, default=1100.0),
         ),
         "safety": (
             _fitted("emergency_stop"),

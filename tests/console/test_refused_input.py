@@ -28,7 +28,7 @@ def refused(said: Any, *words: str, code: int = 1) -> None:
     ("changes", "words"),
     [
         ({"wall_thickness_mm": "40.0"}, ("wall_thickness_mm", "40", "26 mm")),
-        ({"chucking_force_n": "-5"}, ("chucking_force_n", "-5", "> 0")),
+        ({"chucking_force_n": "-5"}, ("chucking_force_n", "-5", ">= 0.1")),
         ({"feed_mm_per_rev": None}, ("feed_mm_per_rev", "missing")),
         ({"depth_of_cut_mm": "nan"}, ("depth_of_cut_mm", "nan", "finite")),
         ({"spindle_speed_rpm": "inf"}, ("spindle_speed_rpm", "inf")),

@@ -128,7 +128,7 @@ def test_problems_carry_value_and_limit_with_units() -> None:
         job_from_table(flat() | {"diameter_mm": 900.5, "lobe_error_source": "guess"})
     facts = [(problem.value, problem.limit) for problem in caught.value.problems]
     assert facts == [
-        ("900.5", "> 0, <= 500 mm"),
+        ("900.5", ">= 0.001, <= 500 mm"),
         ('"guess"', "measured | fitted | model | assumed"),
     ]
 
