@@ -6,12 +6,12 @@ Problem codes: `learned.file`; of one that is for something else `learned.job_ch
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from profiles.compensation import CutPath, LobedPath, Wave
+from profiles.own_values import number, record, text, whole
 from profiles.problem import Problem, ProfileError
 
 SCHEMA = 1
@@ -127,18 +127,26 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
             raise ValueError(f"schema {table['schema']!r}")
         rest = {key: value for key, value in table.items() if key != "schema"}
         part, path = rest["part"], rest["path"]
-        rest["holds_for"] = HoldsFor(**rest["holds_for"])
+        rest["holds_for"] = record(HoldsFor, rest["holds_for"])
+        rest["gain"], rest["date"] = number(rest["gain"]), text(rest["date"])
         rest["path"] = CutPath(wanted=_path(path["wanted"]), command=_path(path["command"]))
         if part is not None:
-            rest["part"] = PartRead(**{**part, "wanted": _wave(part["wanted"]), "lobe": _wave(part["lobe"])})
+            rest["part"] = _part(part)
         learned = LearnedCompensation(**rest)
-        whole = (learned.version, learned.parent, *([] if learned.reverts is None else [learned.reverts]))
-        if min(map(_whole, whole)) < 0 or learned.version < 1 or not 0.0 < learned.gain <= 1.0:
+        numbers = (learned.version, learned.parent, *([] if learned.reverts is None else [learned.reverts]))
+        if min(map(whole, numbers)) < 0 or learned.version < 1 or not 0.0 < learned.gain <= 1.0:
             raise ValueError(f"version {learned.version}, gain {learned.gain}")
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         value = " ".join(f"{type(error).__name__}: {error}".split())
         raise ProfileError(Problem(code="learned.file", where=where, value=value)) from error
     return learned
+
+
+def _part(table: Mapping[str, Any]) -> PartRead:
+    waves = {key: _wave(table[key]) for key in ("wanted", "lobe")}
+    version = whole(table["version"])
+    rest = _finite({key: value for key, value in table.items() if key not in (*waves, "version")})
+    return PartRead(version=version, **waves, **rest)  # type: ignore[arg-type]
 
 
 def _path(table: Mapping[str, Any]) -> LobedPath:
@@ -152,22 +160,12 @@ def _wave(table: Mapping[str, Any]) -> Wave:
 
 
 def _waves(table: Mapping[str, Any]) -> int:
-    lobes = _whole(table["lobes"])
+    lobes = whole(table["lobes"])
     if lobes < 1:
         raise ValueError(f"lobes {lobes}")
     return lobes
 
 
-def _whole(value: Any) -> int:
-    """Return a whole number as it stands: nothing is rounded."""
-    if type(value) is not int:
-        raise TypeError(f"{value!r} is no whole number")
-    return value
-
-
 def _finite(numbers: Mapping[str, Any]) -> dict[str, float]:
     """Return them as numbers: a path with anything else must not reach a machine."""
-    found = {key: float(value) for key, value in numbers.items()}
-    if not all(math.isfinite(value) for value in found.values()):
-        raise ValueError(str(found))
-    return found
+    return {key: number(value) for key, value in numbers.items()}

@@ -41,7 +41,7 @@ _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
 
 LEAST_SHARE = 1e-8
-"""A value above 0 is at least this share of its most: smaller ones are a wrong unit, and no quotient bears them."""
+"""A value above 0 is at least this share of its most: smaller ones are a wrong unit, and break quotients."""
 
 
 def _positive(key: str, unit: str, at_most: float) -> Field:

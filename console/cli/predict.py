@@ -218,7 +218,8 @@ def _envelope(job: Job, seen: Envelope, machine: MachineProfile, text: Catalogue
     most_rpm, beyond = machine.spindle.max_speed_rpm, _beyond_rpm(seen, machine)
     ordered = sorted((n for n in seen.at_job.rpm if n not in beyond), key=seen.at_job.rpm.__getitem__)
     rows = [
-        (text(f"envelope.{name}"), f"{seen.at_job.rpm[name]:.0f}", _percent(seen.percent[name])) for name in ordered
+        (text(f"envelope.{name}"), f"{seen.at_job.rpm[name]:.0f}", _percent(seen.percent[name]))
+        for name in ordered
     ]
     rows.append((text("speed_limit.spindle"), f"{most_rpm:.0f}", f"{100 * job.spindle_speed_rpm / most_rpm:.1f}"))
     if seen.plain_sine_rpm is not None and seen.plain_sine_rpm <= most_rpm:

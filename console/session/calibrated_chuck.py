@@ -23,6 +23,7 @@ from profiles.fields import fault, spelled
 from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.machine_fields import SECTIONS
+from profiles.own_values import number
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedMachine
 
@@ -170,8 +171,8 @@ def _line_variance(kept: Calibration, file: Path) -> tuple[float, float, float]:
         ProfileError: `calibration.record`, the file has none.
     """
     try:
-        u00, u01, u11 = (float(each) for each in kept.found["covariance"])
-        square = float(kept.found["sd_n"]) ** 2
+        u00, u01, u11 = (number(each) for each in kept.found["covariance"])
+        square = number(kept.found["sd_n"]) ** 2
     except (KeyError, TypeError, ValueError) as error:
         raise record_problem(file, str(error)) from error
     variance = (square * u00, square * u01, square * u11)

@@ -11,6 +11,7 @@ from console.session.kept_files import folder_name, keep, kept, make_folder, sta
 from console.session.paths import jobs_folder
 from profiles.files import printable
 from profiles.job import Job
+from profiles.own_values import record
 from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
 
@@ -117,13 +118,11 @@ def load(file: Path, subject: str, kind: str) -> Calibration:
     try:
         if table["schema"] != SCHEMA or not isinstance(table["found"], dict):
             raise ValueError(f"schema {table['schema']!r}")
-        if not isinstance(table["date"], str):
-            raise ValueError(f"date {table['date']!r}")
-        if not isinstance(table.get("chuck"), str | None):
-            raise ValueError(f"chuck {table['chuck']!r}")
         if (table["subject"], table["kind"]) != (subject, kind):
             raise ValueError(f"{table['subject']}, {table['kind']}")
-        return Calibration(**table)
+        plain = {key: value for key, value in table.items() if key != "found"}
+        # The numbers of a fit are read where they are used, by the names that the fit gives them.
+        return replace(record(Calibration, {**plain, "found": {}}), found=table["found"])
     except (ValueError, KeyError, TypeError) as error:
         raise record_problem(file, str(error)) from error
 

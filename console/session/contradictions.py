@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from console.session.calibrations import Calibration, record_problem
 from profiles.calibration.deflection import DeflectionFit
 from profiles.calibration.table import CalibrationKind
 from profiles.calibration.wrench import WrenchFit
+from profiles.own_values import record
 from profiles.problem import Problem
+
+Fit = TypeVar("Fit", WrenchFit, DeflectionFit)
 
 SLOPE, OFFSET = "force_per_torque_n_per_n_m", "force_offset_n"
 
@@ -24,16 +27,15 @@ def contradictions(kept: Calibration, stated: Mapping[str, float | None], file: 
     """
     try:
         if kept.kind == CalibrationKind.DEFLECTION:
-            return list(_jaws_differ(DeflectionFit(**_numbers(kept, DeflectionFit)), stated, kept.date))
-        return list(_line_differs(WrenchFit(**_numbers(kept, WrenchFit)), stated, kept.date))
+            return list(_jaws_differ(_fit(kept, DeflectionFit), stated, kept.date))
+        return list(_line_differs(_fit(kept, WrenchFit), stated, kept.date))
     except (KeyError, TypeError, ValueError) as error:
         raise record_problem(file, str(error)) from error
 
 
-def _numbers(kept: Calibration, kind: type[WrenchFit] | type[DeflectionFit]) -> dict[str, Any]:
-    """Return the numbers of a fit by their names."""
-    found = {field.name: kept.found[field.name] for field in fields(kind)}
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
+def _fit(kept: Calibration, kind: type[Fit]) -> Fit:
+    """Return the fit that was kept, by the names of its numbers."""
+    return record(kind, {field.name: kept.found[field.name] for field in fields(kind)})
 
 
 def _line_differs(line: WrenchFit, stated: Mapping[str, float | None], date: str) -> Iterator[Problem]:

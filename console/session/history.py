@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from profiles.own_values import number, text
+
 LOCK_TIMEOUT_S = 0.1
 """How long a writer is waited for; a list of jobs is not worth more."""
 
@@ -44,8 +46,8 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
     for data, at_utc in _measured(folder, simulated):
         try:
             event = json.loads(data)
-            job, ront_um = str(event["job"]), float(event["ront_um"])
-            strategy = str(event.get("strategy", ""))
+            job, ront_um = text(event["job"]), number(event["ront_um"])
+            strategy = text(event.get("strategy", ""))
             measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
         except (ValueError, TypeError, KeyError, AttributeError):
             continue  # written by another version

@@ -11,6 +11,7 @@ from console.session.errors import SessionError
 from console.session.learned_store import NONE
 from console.session.stages import Stage
 from profiles.learned import HoldsFor
+from profiles.own_values import number, text, whole
 from profiles.problem import Problem
 
 LOCK_TIMEOUT_S = 1.0
@@ -124,20 +125,21 @@ def _made(kind: str, data: str) -> list[MadeWith | None]:
     """Return the part of an event; nothing for a cut in air, or parts in a row, which learn by themselves."""
     try:
         event = json.loads(data)
-        strategy, stage, inverted = (str(event[key]) for key in ("strategy", "stage", INVERTED))
+        strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
         version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
+        compensation = NONE if version is None else str(whole(version))
+        cut_jaw_1_deg = AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg))
     except (ValueError, TypeError, KeyError):
         # Written by another version of the console; of a cut on the screen it did not say how it was made.
         return [None] if kind == "cut" else []
     if stage == Stage.AIR or "passes" in event:
         return []
-    compensation = NONE if version is None else str(version)
     return [
         MadeWith(
             compensation=compensation,
             strategy=strategy,
             stage=stage,
             inverted=inverted,
-            cut_jaw_1_deg=AS_FILED if jaw_1_deg is None else str(jaw_1_deg),
+            cut_jaw_1_deg=cut_jaw_1_deg,
         )
     ]

@@ -7,9 +7,11 @@ that it is not taken for that of a machine of iron.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import date
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from drivers.errors import DriverError
@@ -21,9 +23,10 @@ from drivers.pmac.configuration.proofs.bench import ProofBench
 from drivers.pmac.configuration.verification import read_of_machine
 from drivers.pmac.dialect import Dialect
 from drivers.stop import StopPath, way_problems
-from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops, record_problems, stop_key
+from drivers.stop_record import StopEntry, StopRecord, needed_stops, record_problems, stop_key
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile
+from profiles.own_values import record, text
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "stops"
@@ -88,8 +91,8 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
         return StopRecord(
             measured_at=date.fromisoformat(values.pop("measured_at")),
             stop_way=StopWay(values.pop("stop_way")),
-            entries=tuple(_entry(**each) for each in values.pop("entries")),
-            **values,
+            entries=tuple(_entry(each) for each in values.pop("entries")),
+            **{name: text(value) for name, value in values.items()},
         )
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         where = printable(str(path))
@@ -149,15 +152,14 @@ def _simulated(machine: MachineProfile, dialect: Dialect, now: date) -> StopReco
     return _measured[of]
 
 
-def _entry(way: str, origin: str, **values: object) -> StopEntry:
+def _entry(table: Mapping[str, Any]) -> StopEntry:
     """Return the entry of a file.
 
     Raises:
-        ValueError: it names another stop, or a value is no number.
-        TypeError: a value is missing, or another one is there.
+        ValueError: it names another stop, or a value is no finite number, or below 0.
+        TypeError: a value of another type, one that is missing, or one more.
     """
-    axis = values.pop("axis")
-    numbers = {name: value for name, value in values.items() if value is not None}
-    if not isinstance(axis, str) or not all(isinstance(value, int | float) for value in numbers.values()):
-        raise ValueError(f"{way} {origin} {axis}")
-    return StopEntry(way=Way(way), origin=Origin(origin), axis=axis, **numbers)  # type: ignore[arg-type]
+    entry = record(StopEntry, table)
+    if min(value for value in asdict(entry).values() if isinstance(value, float)) < 0.0:
+        raise ValueError(f"{entry.way} {entry.origin} {entry.axis} < 0")
+    return entry

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
 from drivers.cutting.plan import Strategy
+from profiles.own_values import positive, record, text, whole
 from profiles.problem import Problem, ProfileError
 from profiles.response import ServoResponse, identified_response
 
@@ -78,21 +79,14 @@ def from_table(table: Any, where: str = "") -> IdentifiedResponse:
     try:
         if table["schema"] != SCHEMA:
             raise ValueError(f"schema {table['schema']}")
-        origin = table["origin"]
-        gains = {str(name): float(value) for name, value in origin["gains"].items()}
+        origin = record(Origin, table["origin"])
+        positive(origin.servo_period_ms)
         identified = IdentifiedResponse(
-            origin=Origin(
-                machine=str(origin["machine"]),
-                simulated=bool(origin["simulated"]),
-                version=str(origin["version"]),
-                kind=str(origin["kind"]),
-                gains=gains,
-                servo_period_ms=float(origin["servo_period_ms"]),
-            ),
+            origin=origin,
             path=Strategy(table["path"]),
-            how=str(table["how"]),
-            delay_cycles=int(table["delay_cycles"]),
-            date=str(table["date"]),
+            how=_how(table["how"]),
+            delay_cycles=whole(table["delay_cycles"]),
+            date=text(table["date"]),
             points=tuple(_point(each) for each in table["points"]),
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -119,5 +113,14 @@ def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
     )
 
 
+def _how(word: object) -> str:
+    if word not in (MEASURED, COMPOSED):
+        raise ValueError(f"how {word!r}")
+    return text(word)
+
+
 def _point(table: Mapping[str, Any]) -> IdentifiedPoint:
-    return IdentifiedPoint(**{field.name: float(table[field.name]) for field in fields(IdentifiedPoint)})
+    """Read a point; gain, frequency and the order of the points are judged with the curve through them."""
+    point = record(IdentifiedPoint, table)
+    positive(point.amplitude_um)
+    return point

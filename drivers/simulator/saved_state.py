@@ -21,6 +21,7 @@ from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.pmac.memory import scan_pointer
 from drivers.simulator.password import Password
 from drivers.simulator.program_buffer import PlcBuffer, ProgramBuffer
+from profiles import own_values
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 
@@ -126,21 +127,21 @@ def _texts(listings: Mapping[int, Iterable[str]]) -> Texts:
 
 def _read(table: Mapping[str, Any]) -> SavedState:
     return SavedState(
-        family=str(table["family"]),
-        settings={str(int(index)): float(value) for index, value in table["settings"].items()},
-        pointers={str(int(index)): str(text) for index, text in table["pointers"].items()},
+        family=own_values.text(table["family"]),
+        settings={str(int(index)): own_values.number(value) for index, value in table["settings"].items()},
+        pointers={str(int(index)): own_values.text(pointer) for index, pointer in table["pointers"].items()},
         axes=_lists(table["axes"]),
         programs=_lists(table["programs"]),
         plcs=_lists(table["plcs"]),
         # Files of cards that knew none of these have none.
         tables=_lists(table.get("tables", {})),
-        conversion={str(int(line)): int(word) for line, word in table.get("conversion", {}).items()},
-        password=str(table["password"]),
+        conversion={str(int(line)): own_values.whole(word) for line, word in table.get("conversion", {}).items()},
+        password=own_values.text(table["password"]),
     )
 
 
 def _lists(table: Mapping[str, Any]) -> Texts:
-    return {str(int(number)): tuple(map(str, lines)) for number, lines in table.items()}
+    return {str(int(place)): tuple(map(own_values.text, lines)) for place, lines in table.items()}
 
 
 def _put_back(state: SavedState, controller: Controller) -> None:

@@ -337,7 +337,16 @@ def test_a_calibration_of_another_chuck_is_not_used_and_that_is_told(
     assert calibrated(LOADED, data).used, "kept before the name was: nobody says that it is of another"
 
 
-@pytest.mark.parametrize("change", [{"covariance": [1.0]}, {"covariance": [-1.0, 0.0, 1.0]}, {"sd_n": "much"}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"covariance": [1.0]},
+        {"covariance": [-1.0, 0.0, 1.0]},
+        {"sd_n": "much"},
+        {"sd_n": "11.5"},
+        {"sd_n": True},
+    ],
+)
 def test_a_line_that_does_not_say_how_sure_it_is_is_none_of_ours(
     console: Console, tmp_path: Path, data: Path, change: dict[str, Any]
 ) -> None:

@@ -71,5 +71,6 @@ def test_a_locked_record_says_nothing(tmp_path: Path) -> None:
 
 
 def test_what_another_version_wrote_is_passed_over(tmp_path: Path) -> None:
-    run(tmp_path, {"job": "ring", "ront_um": 2.6}, {"job": "ring"}, {"job": "ring", "ront_um": "much"})
+    strange: list[dict[str, object]] = [{"job": "ring", "ront_um": value} for value in ("much", "9.9", True)]
+    run(tmp_path, {"job": "ring", "ront_um": 2.6}, {"job": "ring"}, *strange)
     assert last_results(tmp_path, simulated=True)["ring"].ront_um == 2.6

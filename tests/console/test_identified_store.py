@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -102,3 +104,42 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     with pytest.raises(ProfileError) as refused:
         store(tmp_path, RESPONSE)
     assert refused.value.problems[0].code == "file.not_writable"
+
+
+def changed(table: dict[str, Any], keys: tuple[str | int, ...], value: object) -> dict[str, Any]:
+    inner: Any = table
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    return table
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        (("points", 0, "amplitude_um"), math.inf),
+        (("points", 0, "amplitude_um"), 0.0),
+        (("points", 0, "gain"), "0.9"),
+        (("points", 0, "phase_deg"), math.nan),
+        (("points", 0, "coherence"), True),
+        (("points", 0, "more"), 1.0),
+        (("origin", "simulated"), "false"),
+        (("origin", "simulated"), 0),
+        (("origin", "gains", "I130"), "528"),
+        (("origin", "servo_period_ms"), 0.0),
+        (("origin", "version"), 1.17),
+        (("delay_cycles",), 2.7),
+        (("delay_cycles",), "2"),
+        (("how",), "guessed"),
+        (("date",), 20011130),
+    ],
+)
+def test_a_value_of_another_type_is_refused_and_not_converted(
+    tmp_path: Path, keys: tuple[str | int, ...], value: object
+) -> None:
+    file = store(tmp_path, RESPONSE)
+    table = changed(json.loads(file.read_text(encoding="utf-8")), keys, value)
+    file.write_text(json.dumps(table), encoding="utf-8")
+    with pytest.raises(ProfileError) as refused:
+        load(file)
+    assert [(p.code, p.where) for p in refused.value.problems] == [("identify.file", str(file))]

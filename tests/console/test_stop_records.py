@@ -111,6 +111,11 @@ def test_a_name_leads_to_a_file_in_the_folder(tmp_path: Path, name: str) -> None
         lambda values: values.update(entries=[{"way": "abort"}]),
         lambda values: values["entries"][0].update(way="shout"),
         lambda values: values["entries"][0].update(time_s="long"),
+        lambda values: values["entries"][0].update(time_s=True),
+        lambda values: values["entries"][0].update(time_s=float("nan")),
+        lambda values: values["entries"][0].update(time_s=float("inf")),
+        lambda values: values["entries"][0].update(time_s=-0.1),
+        lambda values: values.update(version=1.17),
         lambda values: values.update(more=1),
     ],
 )

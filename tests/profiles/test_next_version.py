@@ -233,7 +233,33 @@ def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> Non
     changed = replace(HOLDS, job_sha256="c" * 64, strategy="pvt")
     assert [p.code for p in differences(made, changed)] == ["learned.job_changed", "learned.strategy"]
     assert differences(made, HOLDS) == ()
-    table["path"]["command"]["amplitude_um"] = math.nan
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        (("path", "command", "amplitude_um"), math.nan),
+        (("path", "command", "amplitude_um"), "27.5"),
+        (("path", "wanted", "mean_um"), True),
+        (("holds_for", "simulated"), "false"),
+        (("holds_for", "job_sha256"), 1),
+        (("part", "ront_um"), math.inf),
+        (("part", "share"), "0.5"),
+        (("part", "version"), 2.7),
+        (("gain",), True),
+        (("version",), 1.0),
+        (("date",), None),
+    ],
+)
+def test_a_version_with_a_value_of_another_type_is_refused_and_not_converted(
+    keys: tuple[str, ...], value: object
+) -> None:
+    made = taught(CutWith(path=MODEL, share=0.5, version=None), part({3: 20 + 0j}, noise_um=0.01)).next
+    table = json.loads(json.dumps(as_table(made)))
+    inner = table
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
     with pytest.raises(ProfileError, match=r"learned\.file"):
         from_table(table)
 

@@ -1,0 +1,115 @@
+"""Reading what our own files hold: a value of the right type, or a refusal. Nothing is converted.
+
+A file in the data folder may be old, cut short, or edited by hand; what it says moves a machine. So "false" is no
+truth value, 2.7 no whole number, "1e3" no number, and neither infinity nor NaN is one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from enum import Enum
+from types import NoneType, UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+Record = TypeVar("Record")
+
+
+def number(value: object) -> float:
+    """Return a finite number as a float.
+
+    Raises:
+        TypeError: a text, a truth value, anything that is no number.
+        ValueError: infinity, NaN, or an integer that no float can hold.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is no number")
+    try:
+        found = float(value)
+    except OverflowError:
+        found = math.inf
+    if not math.isfinite(found):
+        raise ValueError(f"{found} is not finite")
+    return found
+
+
+def positive(value: object) -> float:
+    """Return a finite number above 0. Raises as `number`."""
+    found = number(value)
+    if found <= 0.0:
+        raise ValueError(f"{found} is not above 0")
+    return found
+
+
+def whole(value: object) -> int:
+    """Return a whole number as it stands: nothing is rounded.
+
+    Raises:
+        TypeError: anything else.
+    """
+    if type(value) is not int:
+        raise TypeError(f"{value!r} is no whole number")
+    return value
+
+
+def flag(value: object) -> bool:
+    """Return a truth value.
+
+    Raises:
+        TypeError: anything else.
+    """
+    if not isinstance(value, bool):
+        raise TypeError(f"{value!r} is neither true nor false")
+    return value
+
+
+def text(value: object) -> str:
+    """Return a text.
+
+    Raises:
+        TypeError: anything else.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value
+
+
+def record(kind: type[Record], table: Mapping[str, Any]) -> Record:
+    """Return a dataclass of plain values, each of the type of its field; a field with a default may be missing.
+
+    Raises:
+        TypeError, ValueError: a value of another type, a key that is missing, or one that is unknown.
+    """
+    hints = get_type_hints(kind)
+    known = {field.name for field in fields(kind)}  # type: ignore[arg-type]
+    if strange := table.keys() - known:
+        raise TypeError(f"unknown {sorted(strange)}")
+    return kind(**{name: _typed(hints[name], value) for name, value in table.items()})
+
+
+def _typed(hint: Any, value: object) -> Any:
+    """Return a value of a type: a plain one, None beside one, a tuple or a mapping of them, or an enumeration."""
+    if hint in _PLAIN:
+        return _PLAIN[hint](value)
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is UnionType:
+        (other,) = (each for each in inner if each is not NoneType)
+        return None if value is None else _typed(other, value)
+    if origin is tuple and isinstance(value, list | tuple):
+        return _members(inner, value)
+    if isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
+        return {text(key): _typed(inner[1], each) for key, each in value.items()}
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return hint(value)
+    raise TypeError(f"{value!r} is no {hint}")
+
+
+def _members(inner: tuple[Any, ...], value: list[Any] | tuple[Any, ...]) -> tuple[Any, ...]:
+    kinds = [inner[0]] * len(value) if inner[1:] == (...,) else list(inner)
+    if len(kinds) != len(value):
+        raise ValueError(f"{len(value)} values in the place of {len(kinds)}")
+    return tuple(_typed(kind, each) for kind, each in zip(kinds, value, strict=True))
+
+
+_PLAIN = {float: number, int: whole, bool: flag, str: text}
