@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from drivers.cutting.corrected import with_table
-from drivers.cutting.findings import clock_findings, cut_findings
+from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings
 from drivers.cutting.plan import CutPlan, Strategy
 from drivers.cutting.spindle_apart import with_spindle
 from drivers.cutting.steady import speed_rpm, steady_moves
@@ -142,7 +142,11 @@ def _judged(
         spindle_speed_rpm=rpm,
         segment_ms=loop[-1].used.tm_ms,
         duration_s=checked.duration_ms / 1000.0,
-        findings=cut_findings(loop, checked, machine, job, rpm) + (clock_findings(machine) if made.clock else ()),
+        findings=(
+            *cut_findings(loop, checked, machine, job, rpm),
+            *(() if strategy is Strategy.NONE else leaving_findings(job, planning.wanted)),
+            *(clock_findings(machine) if made.clock else ()),
+        ),
         checked=checked,
         axis_definitions=made.definitions,
         restore=made.restore,

@@ -70,6 +70,12 @@ class Job:
         return self.lobe_error_um_pp / 2
 
     @property
+    def largest_amplitude_um(self) -> float:
+        """The amplitude at that end of the cut at which the lobe is largest."""
+        growth_per_mm = abs(self.lobe_growth_percent_per_mm or 0.0) / 100
+        return self.lobe_amplitude_um * (1 + growth_per_mm * self.cut_length_mm / 2)
+
+    @property
     def error_force_n(self) -> float:
         """Chucking force that the lobe error belongs to."""
         return self.chucking_force_n if self.lobe_force_n is None else self.lobe_force_n

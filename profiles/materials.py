@@ -1,7 +1,8 @@
 """Workpiece materials by the word that stands in a job: cutting force and elastic constants.
 
 kc1.1 and mc are catalogue values of the material groups of VDI 3323, good to about 50 % for chips as thin as a
-finishing cut's. The yield strengths are low values for the group: enough for a warning, not for a design.
+finishing cut's. The yield strengths are low values for the group: what bends beyond them is refused, and the
+name of the alloy gives a higher one; they are not for a design.
 """
 
 from __future__ import annotations

@@ -3,7 +3,9 @@
 Codes, with what is refused:
 
 - `rule.wall_over_radius`      a wall thicker than the radius (equal: a solid bar)
-- `rule.depth_over_wall`       a cut that, with the lobe on top, goes through the wall
+- `rule.depth_over_wall`       a cut that, with the lobe on top, leaves less than `LEAST_WALL_MM` of the wall
+- `rule.depth_under_lobe`      a depth that does not hold the lobe: between its crests the tool leaves the part
+- `rule.clamp_stress`          a thin part that yields under the jaws
 - `rule.length_over_overhang`  a cut that comes nearer to the jaws than their clearance
 - `rule.speed_over_machine`    a spindle speed above the machine's
 - `rule.force_over_chuck`      a chucking force above the chuck's
@@ -16,7 +18,6 @@ Codes, with what is refused:
 - `rule.encoder_acceleration`  a lobe that shakes the tool harder than its encoder allows
 - `rule.grip_need`             (warning) the same below what the cut needs, S_z F_spz
 - `rule.material_unknown`      (warning) a material without numbers: what the cut needs of the grip counts as 0
-- `rule.clamp_stress`          (warning) a thin part that yields under the jaws
 - `rule.clamp_scatter`         (warning) a lobe that changes by more than the tolerance from clamping to clamping
 - `rule.clamp_span`            (warning) a least force above the most: none will do. Where there is a span, and the
                                force of the job is outside, only the rule speaks whose limit it breaks
@@ -56,6 +57,9 @@ from profiles.problem import Problem
 
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
 """What is refused because no model can say anything of it: a part that cannot be held or cut at all."""
+
+LEAST_WALL_MM = 0.2
+"""Of the wall that is left where the tool is deepest. A thinner one gives way to the chip, not to the jaws."""
 
 SAME_FORCE = 0.005
 """Share by which two chucking forces may differ and still be the same setting of the wrench."""
@@ -141,16 +145,27 @@ def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> 
 
 def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     wall, carriage = job.wall_thickness_mm, machine.carriage
-    deepest_mm = job.depth_of_cut_mm + job.lobe_amplitude_um / 1000
+    lobe_mm = job.largest_amplitude_um / 1000
+    left_mm, depth_mm = wall - job.depth_of_cut_mm - lobe_mm, job.depth_of_cut_mm
     free_mm = job.overhang_mm - carriage.jaw_clearance_mm
     speed, force = job.spindle_speed_rpm, job.chucking_force_n
     return (
         _at_most("rule.wall_over_radius", "wall_thickness_mm", wall, job.radius_mm, "mm"),
-        _finding("rule.depth_over_wall", "depth_of_cut_mm", deepest_mm < wall, deepest_mm, "<", wall, "mm"),
+        _at_least("rule.depth_over_wall", "depth_of_cut_mm", left_mm, LEAST_WALL_MM, "mm"),
+        _depth_under_lobe(depth_mm, lobe_mm),
         _at_most("rule.length_over_overhang", "cut_length_mm", job.cut_length_mm, free_mm, "mm"),
         _at_most("rule.speed_over_machine", "spindle_speed_rpm", speed, machine.spindle.max_speed_rpm, "rpm"),
         _at_most("rule.force_over_chuck", "chucking_force_n", force, machine.chuck.max_force_n, "N"),
     )
+
+
+def _depth_under_lobe(depth_mm: float, lobe_mm: float) -> Finding:
+    """The path is the mean depth and the lobe on both sides of it: its outermost point must be in the part.
+
+    The surface that it begins from is the one that was turned in this clamping, and round there. Where the tool
+    is out of it nothing is taken off, and the released part keeps that much of its lobe.
+    """
+    return _finding("rule.depth_under_lobe", "depth_of_cut_mm", depth_mm > lobe_mm, depth_mm, ">", lobe_mm, "mm")
 
 
 def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -193,9 +208,15 @@ def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         material=material,
     )
     stress_mpa = bending_stress_mpa(ring, job.jaws, job.chucking_force_n / job.jaws)
-    strength = material.yield_mpa
-    stress = _at_most("rule.clamp_stress", "chucking_force_n", stress_mpa, strength, "MPa", Severity.WARNING)
-    return (known, stress, scatter)
+    return (known, _stress(job, stress_mpa, material.yield_mpa), scatter)
+
+
+def _stress(job: Job, stress_mpa: float, yield_mpa: float) -> Finding:
+    """The limit says also at what force, rounded down, the part still springs back."""
+    most_n = math.floor(job.chucking_force_n * yield_mpa / stress_mpa)
+    limit = f"<= {yield_mpa:.6g} MPa ({most_n} N)"
+    problem = Problem(code="rule.clamp_stress", key="chucking_force_n", value=f"{stress_mpa:.6g} MPa", limit=limit)
+    return Finding(severity=Severity.OK if stress_mpa <= yield_mpa else Severity.REFUSAL, problem=problem)
 
 
 def _clamp_span(job: Job, machine: MachineProfile) -> Finding:
@@ -209,7 +230,7 @@ def _tool_travel(job: Job, machine: MachineProfile) -> Finding:
     tool = machine.tool
     surface_mm = tool.home_radius_mm - job.radius_mm
     out_mm = surface_mm - tool.retract_mm
-    in_mm = surface_mm + job.depth_of_cut_mm + job.lobe_amplitude_um / 1000
+    in_mm = surface_mm + job.depth_of_cut_mm + job.largest_amplitude_um / 1000
     holds = tool.travel_min_mm <= out_mm and in_mm <= tool.travel_max_mm
     return _span("rule.tool_travel", "diameter_mm", holds, (out_mm, in_mm), tool.travel_min_mm, tool.travel_max_mm)
 
@@ -249,6 +270,10 @@ def _at_most(
     code: str, key: str, value: float, most: float, unit: str, otherwise: Severity = Severity.REFUSAL
 ) -> Finding:
     return _finding(code, key, value <= most, value, "<=", most, unit, otherwise)
+
+
+def _at_least(code: str, key: str, value: float, least: float, unit: str) -> Finding:
+    return _finding(code, key, value >= least, value, ">=", least, unit)
 
 
 def _finding(

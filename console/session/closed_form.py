@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from console.session.outlook import INVERTING, Outlook, Response, Share, response_of, shares_of
-from console.session.predicted import TURN_POINTS, FloatArray
+from console.session.predicted import TURN_POINTS, FloatArray, left_by
 from drivers.cut import Strategy
 from drivers.identification.nominal import late_cycles, loop_response, nominal_response
-from profiles.compensation import Wave, free_state_lobe
+from profiles.compensation import Wave
 from profiles.response import Source
 from profiles.servo import drive_need
 
@@ -53,10 +53,11 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     else:
         return None
     job, machine = seen.job, seen.machine
-    residual_um = free_state_lobe(job).at_um(_TURN_DEG)
+    path_um = np.full(TURN_POINTS, command.mean_um)
     for wave in command.waves:
         made = Wave.of(wave.lobes, _answer(seen, strategy, wave.lobes) * wave.coefficient)
-        residual_um = residual_um - made.at_um(_TURN_DEG)
+        path_um += made.at_um(_TURN_DEG)
+    left_um = left_by(job, _TURN_DEG, path_um)
     response = seen.sampled
     if _identified(seen, strategy):
         response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))
@@ -65,7 +66,7 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     return ClosedForm(
         angle_deg=_TURN_DEG,
         command_um=command.at_um(_TURN_DEG - late_deg),
-        residual_um=residual_um,
+        residual_um=left_um,
         lobe_frequency_hz=job.lobe_frequency_hz,
         response=response,
         shares=shares_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),

@@ -36,9 +36,9 @@ class Prediction:
 
     `angle_deg` are spindle angles, rising in [0, 360). `command_um` is the tool as the program has it, `path_um`
     as the servo follows that, both um of infeed from the surface of the blank. `residual_um` is the deviation of
-    the released part, positive where it is high, mean 0. The arrays are read only. `response` is that of the loop
-    at `lobe_frequency_hz`, `shares` are the needs of a sine with the stroke of the program, both at the speed that
-    the program reaches.
+    the released part, positive where it is high, mean 0; the clamped blank is taken as round. The arrays are read
+    only. `response` is that of the loop at `lobe_frequency_hz`, `shares` are the needs of a sine with the stroke
+    of the program, both at the speed that the program reaches.
     """
 
     angle_deg: FloatArray
@@ -75,7 +75,6 @@ def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoRes
     angle_deg, command_um = _steady_turn(machine, plan)
     known = _identified(job, machine, plan, response)
     path_um = followed(machine, command_um, plan.spindle_speed_rpm, known)
-    missing_um = free_state_lobe(job).at_um(angle_deg) - path_um
     frequency_hz = job.jaws * plan.spindle_speed_rpm / 60.0
     order = np.argsort(angle_deg, kind="stable")
     need = drive_need(machine, 0.5 * float(np.ptp(command_um)), frequency_hz)
@@ -83,11 +82,20 @@ def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoRes
         angle_deg=_kept(angle_deg[order]),
         command_um=_kept(command_um[order]),
         path_um=_kept(path_um[order]),
-        residual_um=_kept((missing_um - missing_um.mean())[order]),
+        residual_um=_kept(left_by(job, angle_deg, path_um)[order]),
         lobe_frequency_hz=frequency_hz,
         response=response_of(job, known.get(job.jaws, complex(sampled_response(machine, frequency_hz)))),
         shares=shares_of(machine, need),
     )
+
+
+def left_by(job: Job, angle_deg: FloatArray, path_um: FloatArray) -> FloatArray:
+    """Return the deviation of the released part behind a tool that went so deep at these angles, mean 0, um.
+
+    Where the tool is out of the part (a depth below 0) it takes nothing off.
+    """
+    left_um = free_state_lobe(job).at_um(angle_deg) - np.maximum(path_um, 0.0)
+    return np.asarray(left_um - left_um.mean(), dtype=np.float64)
 
 
 def followed(

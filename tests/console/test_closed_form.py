@@ -84,3 +84,16 @@ def test_a_learned_path_is_what_everything_is_of() -> None:
     with pytest.raises(ProblemError) as refused:
         raise preview(JOB, MACHINE, Strategy.PVT, path=path).strategies[Strategy.PVT]  # type: ignore[misc]
     assert [problem.code for problem in refused.value.problems] == ["program.no_overtones"]
+
+
+@pytest.mark.parametrize(("depth_mm", "error_um"), [(0.02, 55.0), (0.1, 300.0)])
+def test_a_tool_that_leaves_the_part_leaves_what_it_does_not_reach(depth_mm: float, error_um: float) -> None:
+    """Round where it is clamped, the part keeps all of the lobe where the path is out of it: A - depth of A."""
+    job = replace(JOB, depth_of_cut_mm=depth_mm, lobe_error_um_pp=error_um)
+    out_um = error_um / 2 - 1000 * depth_mm
+    early = closed_form(outlook(job, MACHINE), Strategy.PVT)
+    made = preview(job, MACHINE).predictions[Strategy.PVT]
+    assert early is not None
+    for left_um in (early.residual_um, made.residual_um):
+        assert float(np.ptp(left_um)) == pytest.approx(out_um, abs=0.1)
+        assert abs(float(np.mean(left_um))) < 1e-9

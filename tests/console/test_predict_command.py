@@ -63,10 +63,16 @@ def test_what_cannot_be_predicted_is_refused(
     assert said in answer.err
 
 
-def test_a_job_that_clamps_too_hard_is_warned_and_predicted(console: Console, job_file: JobFile) -> None:
-    answer = console("predict", str(job_file(chucking_force_n="6500.0", lobe_force_n="6500.0")))
-    assert answer.code == 0
-    assert "!  stress under the jaws" in answer.out
+def test_a_job_that_clamps_too_hard_is_refused_with_the_force_that_passes(
+    console: Console, job_file: JobFile
+) -> None:
+    """49.12 MPa at 1314 N: 120 MPa, where plain aluminium begins to yield, at 3210 N."""
+    for force_n, code, mark in ((3211, 1, "✗"), (3210, 0, "✓")):
+        forces = {"chucking_force_n": f"{force_n}.0", "lobe_force_n": f"{force_n}.0"}
+        answer = console("predict", str(job_file(**forces)))
+        assert answer.code == code
+        (line,) = [line for line in answer.out.splitlines() if "stress under the jaws" in line]
+        assert line.startswith(mark) and line.endswith("<= 120 MPa (3210 N)")
 
 
 def test_limits_beyond_what_the_machine_has_limit_nothing(console: Console) -> None:

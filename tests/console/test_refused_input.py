@@ -39,10 +39,19 @@ def refused(said: Any, *words: str, code: int = 1) -> None:
         ({"overhang_mm": "30.0\ncolour = 3"}, ("colour",)),
         ({"chucking_force_n": "344.0", "lobe_force_n": "344.0"}, ("hold", "0 N")),
         (
-            {"spindle_speed_rpm": "3500.0", "chucking_force_n": "6500.0", "lobe_force_n": "6500.0"},
+            {
+                "spindle_speed_rpm": "3500.0",
+                "chucking_force_n": "5000.0",
+                "lobe_force_n": "5000.0",
+                "material": '"A6061"',
+            },
             ("3500 rpm", "3000 rpm"),
         ),
         ({"cut_length_mm": "29.0"}, ("29 mm", "28 mm")),
+        ({"depth_of_cut_mm": "0.02"}, ("depth_of_cut_mm", "0.02 mm", "> 0.0275 mm", "leaves the part")),
+        ({"lobe_error_um_pp": "300.0"}, ("depth_of_cut_mm", "0.1 mm", "> 0.15 mm", "cut deeper")),
+        ({"wall_thickness_mm": "1e-320"}, ("wall_thickness_mm", "1e-320", ">= 0.001, <= 250 mm")),
+        ({"lobe_error_um_pp": "1e-320"}, ("lobe_error_um_pp", "1e-320", ">= 0, <= 1000 um")),
     ],
 )
 def test_a_job_that_cannot_be_is_refused_by_key_value_and_limit(

@@ -128,8 +128,9 @@ def test_any_permitted_speed_is_compensated(
         jaws=str(jaws),
         spindle_speed_rpm=str(rpm),
         lobe_error_um_pp="12.5",
-        chucking_force_n="6000.0",
-        lobe_force_n="6000.0",
+        material='"A6061"',
+        chucking_force_n="2500.0",
+        lobe_force_n="2500.0",
         feed_mm_per_rev="0.2",
         cut_length_mm="4.0",
     )

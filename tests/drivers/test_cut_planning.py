@@ -15,7 +15,7 @@ from drivers.errors import DriverError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
 from drivers.pmac.settings import settings_with
-from profiles.compensation import wanted_path
+from profiles.compensation import CutPath, Wave, wanted_path
 from profiles.problem import ProblemError
 from profiles.rules import Severity
 from profiles.servo import sampled_response
@@ -221,6 +221,36 @@ def test_a_cut_beyond_a_limit_of_the_machine_is_refused(
     plan = plan_cut(experiment(1), with_settings(machine, settings), Strategy.PVT)
     refusals = [f.problem for f in plan.findings if f.severity is Severity.REFUSAL]
     assert [(problem.code, problem.key) for problem in refusals] == [(code, key)]
+
+
+FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE, Strategy.PAPER)
+
+
+@pytest.mark.parametrize("strategy", FOLLOWING)
+def test_a_path_that_leaves_the_part_is_refused_and_a_plain_cut_of_the_same_job_is_not(
+    machine: MachineProfile, experiment: JobMaker, strategy: Strategy
+) -> None:
+    shallow = replace(experiment(1), depth_of_cut_mm=0.02)
+    (problem,) = [
+        f.problem for f in plan_cut(shallow, machine, strategy).findings if f.severity is Severity.REFUSAL
+    ]
+    assert (problem.code, problem.key) == ("cut.leaves_part", "depth_of_cut_mm")
+    assert (problem.value, problem.limit) == ("7.50 um", "> 0.0275 mm")
+    assert codes(plan_cut(shallow, machine, Strategy.NONE), Severity.REFUSAL) == set()
+
+
+def test_a_learned_path_is_judged_by_its_own_waves_at_the_depth_of_the_job(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """The lobe is lowest at 150 deg, and so is a wave of 6 um, four in a turn, with a crest at 15: 33.5 um out."""
+    lobe = wanted_path(experiment(1))
+    for depth_mm, refused in ((0.0334, True), (0.0336, False)):
+        job = replace(experiment(1), depth_of_cut_mm=depth_mm)
+        # The mean that was learned is 20 um deeper, for a tool that gives way; the part is not.
+        oval = Wave(lobes=4, amplitude_um=6.0, crest_deg=15.0)
+        waves = replace(lobe, mean_um=1000 * depth_mm + 20.0, overtones=(oval,))
+        plan = plan_cut(job, machine, Strategy.CAM, path=CutPath(wanted=waves, command=waves))
+        assert ("cut.leaves_part" in codes(plan, Severity.REFUSAL)) is refused
 
 
 def test_the_predicted_following_error_is_that_of_the_reference(

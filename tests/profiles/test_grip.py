@@ -75,11 +75,14 @@ def test_the_advised_least_force_is_where_the_rule_begins_to_hold() -> None:
     assert refusals(check(slips, LATHE)) == ()
 
 
-def test_the_advised_most_force_is_where_its_warnings_begin() -> None:
+def test_the_advised_most_force_is_where_its_rules_begin_to_fail() -> None:
     advice = clamping_advice(JOB, LATHE)
     assert advice.span.most_n == advice.span.limits_n["scatter"]
-    for name, code in (("scatter", "rule.clamp_scatter"), ("wall", "rule.clamp_stress")):
-        for share, severity in ((0.999, Severity.OK), (1.001, Severity.WARNING)):
+    for name, code, beyond in (
+        ("scatter", "rule.clamp_scatter", Severity.WARNING),
+        ("wall", "rule.clamp_stress", Severity.REFUSAL),
+    ):
+        for share, severity in ((0.999, Severity.OK), (1.001, beyond)):
             # The lobe is taken as found at 1314 N; it grows with what is left of the force at speed.
             pressed = replace(JOB, chucking_force_n=share * advice.span.limits_n[name])
             (finding,) = [f for f in check(pressed, LATHE) if f.problem.code == code]

@@ -24,7 +24,7 @@ def refused(job: Job, machine: MachineProfile = LATHE) -> list[str]:
 def test_the_papers_cuts_are_allowed(job: Job) -> None:
     findings = check(job, LATHE)
     assert all(finding.severity is Severity.OK for finding in findings)
-    assert len({finding.problem.code for finding in findings}) == len(findings) == 21
+    assert len({finding.problem.code for finding in findings}) == len(findings) == 22
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,10 @@ def test_two_thirds_rule_speed() -> None:
     ("changes", "code"),
     [
         ({"wall_thickness_mm": 26.1}, "rule.wall_over_radius"),
-        ({"wall_thickness_mm": 0.1275}, "rule.depth_over_wall"),
+        ({"wall_thickness_mm": 0.327}, "rule.depth_over_wall"),
+        ({"wall_thickness_mm": 0.328}, None),
+        ({"depth_of_cut_mm": 0.0275}, "rule.depth_under_lobe"),
+        ({"depth_of_cut_mm": 0.0276}, None),
         ({"chucking_force_n": 6594.0}, "rule.force_over_chuck"),
         ({"feed_mm_per_rev": 0.41}, "rule.feed_over_land"),
         ({"diameter_mm": 152.1}, "rule.tool_travel"),
@@ -68,7 +71,37 @@ def test_two_thirds_rule_speed() -> None:
     ],
 )
 def test_one_rule_at_a_time(changes: dict[str, float], code: str | None) -> None:
-    assert refused(replace(ONE, **changes)) == ([code] if code else [])  # type: ignore[arg-type]
+    tough = replace(ONE, material="SCM440-H")
+    soft_jaws = replace(LATHE, chuck=replace(LATHE.chuck, jaw_length_mm=1000.0))
+    machine = soft_jaws if "wall_thickness_mm" in changes else LATHE
+    assert refused(replace(tough, **changes), machine) == ([code] if code else [])  # type: ignore[arg-type]
+
+
+def told(job: Job, code: str) -> tuple[Severity, str, str]:
+    (found,) = [finding for finding in check(job, LATHE) if finding.problem.code == code]
+    return found.severity, found.problem.value, found.problem.limit
+
+
+def test_a_depth_that_does_not_hold_the_lobe_at_the_end_where_it_is_largest_is_refused() -> None:
+    """27.5 um that grow by 10 % a mm over the 4 mm to either end of the cut: 38.5 um."""
+    grown = replace(ONE, lobe_growth_percent_per_mm=-10.0)
+    for depth_mm, severity in ((0.0384, Severity.REFUSAL), (0.0386, Severity.OK)):
+        met = told(replace(grown, depth_of_cut_mm=depth_mm), "rule.depth_under_lobe")
+        assert met == (severity, f"{depth_mm:g} mm", "> 0.0385 mm")
+    assert told(grown, "rule.depth_over_wall")[1] == "2.3615 mm"
+
+
+def test_a_wall_that_yields_under_the_jaws_or_is_cut_through_is_refused_with_what_would_pass() -> None:
+    """OD 52, wall 0.15: mean radius 25.925, W = 438 N, M = W R (3/pi - cot 60 deg) / 2, over 40 x 0.15^2 / 6."""
+    thin = replace(ONE, wall_thickness_mm=0.15)
+    moment_n_mm = 438 * 25.925 / 2 * (0.954930 - 0.577350)
+    stress_mpa = moment_n_mm / (40 * 0.15**2 / 6)
+    severity, value, limit = told(thin, "rule.clamp_stress")
+    assert float(value.removesuffix(" MPa")) == pytest.approx(stress_mpa, rel=1e-4)
+    assert (severity, limit) == (Severity.REFUSAL, "<= 120 MPa (11 N)")
+    assert told(thin, "rule.depth_over_wall") == (Severity.REFUSAL, "0.0225 mm", ">= 0.2 mm")
+    assert told(replace(ONE, chucking_force_n=3210.0), "rule.clamp_stress")[0] is Severity.OK
+    assert told(replace(ONE, chucking_force_n=3211.0), "rule.clamp_stress")[0] is Severity.REFUSAL
 
 
 def test_a_cut_stays_clear_of_the_jaws() -> None:
@@ -78,11 +111,11 @@ def test_a_cut_stays_clear_of_the_jaws() -> None:
 
 
 def test_speed_and_lobe_limits_of_the_machine() -> None:
-    grip = replace(ONE, chucking_force_n=6500.0)
+    grip = replace(ONE, chucking_force_n=6500.0, material="SCM440-H")
     assert refused(replace(grip, spindle_speed_rpm=3000.0)) == []
     assert refused(replace(grip, spindle_speed_rpm=3001.0)) == ["rule.speed_over_machine"]
     # A 6/rev lobe of 1 mm at 1000 rpm: 500 um at 100 Hz is 197 m/s2 and 662 N rms.
-    shaken = replace(grip, jaws=6, lobe_error_um_pp=1000.0)
+    shaken = replace(grip, jaws=6, lobe_error_um_pp=1000.0, depth_of_cut_mm=0.6)
     assert refused(shaken) == ["rule.tool_force"]
     assert refused(replace(shaken, spindle_speed_rpm=1200.0)) == [
         "rule.tool_force",

@@ -178,11 +178,10 @@ def values_of(field: Field) -> st.SearchStrategy[object]:
         return st.lists(st.sampled_from(field.choices)).map(tuple)
     if field.kind is Kind.TEXT:
         return TEXTS if field.required else TEXTS | st.just("")
-    low = field.at_least if field.above is None else field.above
-    assert low is not None and field.at_most is not None
+    assert field.at_least is not None and field.at_most is not None
     if field.kind is Kind.WHOLE:
-        return st.integers(int(low), int(field.at_most))
-    return st.floats(low, field.at_most, exclude_min=field.above is not None)
+        return st.integers(int(field.at_least), int(field.at_most))
+    return st.floats(field.at_least, field.at_most).map(lambda value: value if abs(value) >= 1e-9 else 0.0)
 
 
 JOBS = st.fixed_dictionaries({field.key: values_of(field) for field in JOB_FIELDS}).map(

@@ -60,7 +60,7 @@ def test_the_values_stand_in_the_room_with_their_units(
         assert "621 … 1970 N" in stage.text
         assert "3.49 N m ±66 N" in stage.text
         # The smallest room has a row: how much there is to be minded.
-        hold = stage.desk.text("setup.hold", count=21, total=21)[:10]
+        hold = stage.desk.text("setup.hold", count=22, total=22)[:10]
         assert (hold if size != ROOMS[-1] else "…") in stage.text
 
     play(scene, tmp_path, work=experiment(), language=language, size=size)
@@ -130,7 +130,7 @@ def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_p
         assert stage.kind() is FieldKind.NONE
         assert stage.desk.work.job.chucking_force_n == 7000.0
         assert "edited, not saved" in stage.text
-        assert "Refused by 1" in stage.next_step
+        assert "Refused by 2" in stage.next_step
 
     play(scene, tmp_path, work=experiment())
 
@@ -140,7 +140,7 @@ def test_another_force_than_that_of_the_error_is_warned_of(tmp_path: Path) -> No
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type("1400")
         assert "! force, total = 1400 N, but" in stage.text
-        assert "20 of 21 rules hold" in stage.text
+        assert "21 of 22 rules hold" in stage.text
 
     play(scene, tmp_path, work=experiment())
 
@@ -389,14 +389,14 @@ def test_every_next_step_stands_in_its_row(language: str, tmp_path: Path) -> Non
 
 
 def test_rules_that_have_no_room_are_counted() -> None:
-    """21 rules and 9 rows: one says how many hold, seven are named, one says how many more there are."""
+    """22 rules and 9 rows: one says how many hold, seven are named, one says how many more there are."""
     work = experiment()
     findings = [finding for finding in check(work.job, work.machine.machine) if finding.severity is Severity.OK]
-    assert len(findings) == 21
+    assert len(findings) == 22
     rows = plain(finding_lines(findings, load("en"), 40, 9)).split("\n")
     assert len(rows) == 9
-    assert rows[-1].strip() == "… 14 more hold: w"
-    assert "more hold" not in plain(finding_lines(findings, load("en"), 40, 22))
+    assert rows[-1].strip() == "… 15 more hold: w"
+    assert "more hold" not in plain(finding_lines(findings, load("en"), 40, 23))
 
 
 def test_a_material_is_asked_for_as_one(tmp_path: Path) -> None:
