@@ -7,11 +7,14 @@ may stand at the top or inside any tables, each key once.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem
 from profiles.problem import ProfileError
+
+SIMULATED_SOURCE = "lobe of a simulated part, for practice"
+"""What the source of a job ends with whose lobe was found on no real part."""
 
 LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed")
 
@@ -25,10 +28,11 @@ class Job:
     `lobe_error_um_pp` is the free-state error, peak to peak, that a plain cut leaves (the 55 and 33 um of the
     paper); the released part is high at spindle angle `lobe_phase_deg`: at jaw 1, or `lobe_past_jaw_deg` past it
     where that was found. `lobe_force_n` is the chucking force at which that error was found, and so are the other
-    keys of the calibration cut: speed, overhang, wall, diameter, and the names of chuck and tool. A file that does
-    not give one of them has its error at its own value. The error is that in the middle of the cut; it grows by
-    `lobe_growth_percent_per_mm` of itself with each mm from there towards the jaws. `assumed` names the keys whose
-    values the source does not give.
+    keys of the calibration cut: speed, overhang, wall, diameter, material, number of jaws, and the names of chuck
+    and tool. A file that does not give one of them has its error at its own value. The error is that in the middle
+    of the cut; it grows by `lobe_growth_percent_per_mm` of itself with each mm from there towards the jaws.
+    `assumed` names the keys whose values the source does not give; `copied_from` is the job that this one was made
+    of, whose source is not its own.
     """
 
     name: str
@@ -51,12 +55,15 @@ class Job:
     lobe_overhang_mm: float | None = None
     lobe_wall_thickness_mm: float | None = None
     lobe_diameter_mm: float | None = None
+    lobe_material: str | None = None
+    lobe_jaws: int | None = None
     lobe_chuck: str | None = None
     lobe_tool: str | None = None
     lobe_past_jaw_deg: float | None = None
     lobe_growth_percent_per_mm: float | None = None
     assumed: tuple[str, ...] = ()
     source: str = ""
+    copied_from: str | None = None
     schema: int = 1
 
     @property
@@ -91,6 +98,15 @@ class Job:
         return self.jaws * self.spindle_speed_rpm / 60
 
 
+def copy_of(job: Job, name: str, original: str) -> Job:
+    """Return the job under another name. What the file of `original` says of its source is not said of a copy.
+
+    That its lobe is one of a simulated part stays true of it.
+    """
+    source = SIMULATED_SOURCE if job.source.endswith(SIMULATED_SOURCE) else ""
+    return replace(job, name=name, source=source, copied_from=original)
+
+
 LEAST_MM, LEAST_N, LEAST_RPM = 0.001, 0.1, 0.1
 """Least length, force and speed of a job: below these there is no part, and quotients leave what is physical."""
 
@@ -123,6 +139,8 @@ _CONTENT = (
     _number("lobe_overhang_mm", "lobe", "mm", LEAST_MM, 1000, optional=True),
     _number("lobe_wall_thickness_mm", "lobe", "mm", LEAST_MM, 250, optional=True),
     _number("lobe_diameter_mm", "lobe", "mm", LEAST_MM, 500, optional=True),
+    Field(key="lobe_material", kind=Kind.TEXT, table="lobe", optional=True),
+    Field(key="lobe_jaws", kind=Kind.WHOLE, table="lobe", at_least=2, at_most=12, optional=True),
     Field(key="lobe_chuck", kind=Kind.TEXT, table="lobe", optional=True),
     Field(key="lobe_tool", kind=Kind.TEXT, table="lobe", optional=True),
     Field(key="lobe_past_jaw_deg", table="lobe", unit="deg", at_least=-180, at_most=180, optional=True),
@@ -133,6 +151,7 @@ JOB_FIELDS: tuple[Field, ...] = (
     Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
     *_CONTENT,
     Field(key="source", kind=Kind.TEXT, default=""),
+    Field(key="copied_from", kind=Kind.TEXT, optional=True),
     Field(key="assumed", kind=Kind.TEXTS, default=(), choices=tuple(field.key for field in _CONTENT)),
 )
 """Every key of a job with its limits, in the order in which a form or a file shows them."""

@@ -3,8 +3,9 @@
 A thin ring springs back in proportion to the force that holds it at speed and to the cube of radius over wall, and
 less the further from the jaws it is cut. So a compensation holds for the conditions of its calibration cut, within
 limits that change the lobe by no more than the next clamping does: 1.5 % of the wall are 4.5 % of the lobe, 0.1 mm
-of a diameter of 52 mm are 0.6 %, and 2 % of the speed are 1 % where a fifth of the force is lost. What the job
-does not state cannot be judged; where its error was found on a part, that is told.
+of a diameter of 52 mm are 0.6 %, and 2 % of the speed are 1 % where a fifth of the force is lost. Another number
+of jaws makes another lobe, and another material springs back by its own modulus. What the job does not state
+cannot be judged; where its error was found on a part, that is told.
 
 Problem codes: `rule.lobe_differs`, one for each condition; `rule.lobe_unstated`, one for all that are missing.
 """
@@ -15,6 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 from profiles.job import Job
+from profiles.materials import material_or_none
 from profiles.problem import Problem
 
 FORCE_SHARE = 0.05
@@ -33,18 +35,43 @@ CONDITIONS = {
     "lobe_overhang_mm": "overhang_mm",
     "lobe_wall_thickness_mm": "wall_thickness_mm",
     "lobe_diameter_mm": "diameter_mm",
+    "lobe_material": "material",
+    "lobe_jaws": "jaws",
 }
-"""What a job says of its calibration cut in numbers, and the key of its own that each belongs to."""
+"""What a job says of its calibration cut, and the key of its own that each belongs to."""
 
 NAMES = ("lobe_chuck", "lobe_tool")
 
 _STATED_OF = {own: stated for stated, own in CONDITIONS.items()}
 _FOUND_ON_A_PART = ("measured", "fitted")
 
+OTHER_CUT = "other_cut"
+"""Where an error comes from that was found on a part, but not on one that is held and cut as this job says."""
+
 
 def found_on_a_part(job: Job) -> bool:
-    """Whether the lobe error was seen on a part of this job; else a model says it, or somebody assumes it."""
-    return job.lobe_error_source in _FOUND_ON_A_PART
+    """Whether the lobe error was seen on a part in as many jaws; else a model says it, or somebody assumes it."""
+    return job.lobe_error_source in _FOUND_ON_A_PART and job.lobe_jaws in (None, job.jaws)
+
+
+def lobe_source(job: Job, *, chuck: str | None = None, tool: str | None = None) -> str:
+    """Return where the lobe error of this cut comes from: `OTHER_CUT` where a condition is not the one measured.
+
+    `chuck` and `tool` are the names of those in the machine; None is no machine to compare with.
+    """
+    if job.lobe_error_source not in _FOUND_ON_A_PART:
+        return job.lobe_error_source
+    of_names = ((job.lobe_chuck, chuck), (job.lobe_tool, tool))
+    other = any(None not in pair and pair[0] != pair[1] for pair in of_names)
+    return OTHER_CUT if other or changed_conditions(job) else job.lobe_error_source
+
+
+def changed_conditions(job: Job) -> dict[str, Any]:
+    """Return the conditions of the job that are not those of its calibration cut, each with what it was there."""
+    differing = {problem.key for problem in _of_conditions(job)}
+    if not force_as_found(job):
+        differing.add("chucking_force_n")
+    return {own: getattr(job, stated) for stated, own in CONDITIONS.items() if own in differing}
 
 
 def force_as_found(job: Job) -> bool:
@@ -57,6 +84,15 @@ def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
 
     `chuck` and `tool` are the names of those in the machine; "" is none that anybody knows.
     """
+    found = _of_conditions(job)
+    for key, name, named in (("chuck", chuck, job.lobe_chuck), ("tool", tool, job.lobe_tool)):
+        if named is not None and name != named:
+            found.append(_differs(f"{key}.name", f'"{name}"', f'"{named}"'))
+    return tuple(found)
+
+
+def _of_conditions(job: Job) -> list[Problem]:
+    """Return what differs in numbers and material, except the force."""
     found: list[Problem] = []
     for key, unit, share in _SHARES:
         met, then = getattr(job, key), getattr(job, f"lobe_{key}")
@@ -68,10 +104,19 @@ def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
         # To a nanometre, so that 30.1 is within a tenth of 30.
         if then is not None and round(abs(met - then), 6) > LENGTH_MM:
             found.append(_differs(key, f"{met:.6g} mm", f"{then:.6g} mm"))
-    for key, name, named in (("chuck", chuck, job.lobe_chuck), ("tool", tool, job.lobe_tool)):
-        if named is not None and name != named:
-            found.append(_differs(f"{key}.name", f'"{name}"', f'"{named}"'))
-    return tuple(found)
+    if job.lobe_material is not None and not _springs_back_alike(job.material, job.lobe_material):
+        found.append(_differs("material", job.material, job.lobe_material))
+    if job.lobe_jaws not in (None, job.jaws):
+        found.append(_differs("jaws", str(job.jaws), str(job.lobe_jaws)))
+    return found
+
+
+def _springs_back_alike(one: str, other: str) -> bool:
+    """Whether two materials have the same elastic constants; of unknown ones the words must be the same."""
+    found, then = material_or_none(one), material_or_none(other)
+    if found is None or then is None:
+        return one.strip().lower() == other.strip().lower()
+    return (found.youngs_modulus_gpa, found.poisson) == (then.youngs_modulus_gpa, then.poisson)
 
 
 def unstated(job: Job) -> tuple[str, ...]:

@@ -32,6 +32,8 @@ _STATED = (
     "lobe_overhang_mm",
     "lobe_wall_thickness_mm",
     "lobe_diameter_mm",
+    "lobe_material",
+    "lobe_jaws",
     "lobe_chuck",
     "lobe_tool",
 )

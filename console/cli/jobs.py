@@ -10,6 +10,7 @@ from console.session.paths import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.files import printable
+from profiles.lobe_conditions import lobe_source
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
@@ -73,9 +74,10 @@ def _fields(entry: LibraryEntry, loaded: LoadedJob | tuple[Problem, ...], text: 
         "cut_length_mm": job.cut_length_mm,
         "lobe_error_um_pp": job.lobe_error_um_pp,
         "lobe_phase_deg": job.lobe_phase_deg,
-        "lobe_error_source": job.lobe_error_source,
+        "lobe_error_source": lobe_source(job),
         "roundness_tolerance_um": job.roundness_tolerance_um,
         "lobe_frequency_hz": job.lobe_frequency_hz,
         "assumed": list(job.assumed),
         "source": job.source,
+        "copied_from": job.copied_from,
     }

@@ -14,6 +14,7 @@ from console.session.preview import Preview
 from console.text.catalogue import Catalogue
 from drivers.cut import CutPlan
 from profiles.envelope import EnvelopeRow, envelope
+from profiles.lobe_conditions import lobe_source
 from profiles.problem import ProblemError
 from profiles.rules import Finding, Severity
 from profiles.safe_speed import speed_limits_rpm
@@ -27,7 +28,7 @@ def fields_of(seen: Preview, text: Catalogue) -> dict[str, object]:
         "strategy": seen.strategy.value,
         "lobe_frequency_hz": seen.job.lobe_frequency_hz,
         "predicted_RONt_um": seen.job.lobe_error_um_pp,
-        "lobe_error_source": seen.job.lobe_error_source,
+        "lobe_error_source": lobe_source(seen.job, chuck=seen.machine.chuck.name, tool=seen.machine.tool.name),
         "predicted": _predicted(seen, text),
         "response": _response(seen),
         "wanted_path": asdict(seen.wanted),

@@ -12,6 +12,7 @@ from console.text.catalogue import Catalogue
 from console.text.columns import table
 from drivers.cut import CutPlan
 from profiles.envelope import envelope
+from profiles.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError
 from profiles.rules import Severity
 from profiles.safe_speed import speed_limits_rpm
@@ -55,7 +56,7 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
             text("preview.lobe"),
             f"{job.lobe_error_um_pp:.1f} um p-p, {job.jaws}/rev, {job.lobe_frequency_hz:.2f} Hz",
         ),
-        (text("preview.source"), text(f"source.{job.lobe_error_source}")),
+        (text("preview.source"), _source(seen, text)),
         (text("preview.wanted"), f"{seen.wanted.mean_um:.1f} ± {seen.wanted.amplitude_um:.2f} um"),
         (text("preview.command"), f"± {seen.command.amplitude_um:.2f} um, {lead_deg:+z.2f} deg"),
         (text("preview.inverts"), _inverted(seen, text)),
@@ -64,6 +65,14 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
         (text("predict.force_span"), span_words(seen.job, seen.machine, text)),
         (text("preview.fastest"), _fastest(seen, text)),
     ]
+
+
+def _source(seen: Preview, text: Catalogue) -> str:
+    """Where the lobe comes from; one that was found on another cut is not called measured on this one."""
+    job, machine = seen.job, seen.machine
+    source = lobe_source(job, chuck=machine.chuck.name, tool=machine.tool.name)
+    own = text(f"source.{job.lobe_error_source}")
+    return text("preview.other_cut", source=own) if source == OTHER_CUT else own
 
 
 def _inverted(seen: Preview, text: Catalogue) -> str:

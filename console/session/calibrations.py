@@ -10,7 +10,7 @@ from typing import Any
 from console.session.kept_files import folder_name, keep, kept, make_folder, stamp
 from console.session.paths import jobs_folder
 from profiles.files import printable
-from profiles.job import Job
+from profiles.job import Job, copy_of
 from profiles.own_values import record
 from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
@@ -103,7 +103,7 @@ def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
     while (folder / f"{name}-{number}.toml").exists():
         number += 1
     path = folder / f"{name}-{number}.toml"
-    save_job(replace(job, name=path.stem), path)
+    save_job(copy_of(job, path.stem, loaded.job.name), path)
     return load_job(str(path))
 
 

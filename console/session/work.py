@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from profiles.fields import Field, Kind, fault, spelled
-from profiles.job import JOB_FIELDS, Job
+from profiles.job import JOB_FIELDS, Job, copy_of
 from profiles.lobe_conditions import kept_condition
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, save_job
@@ -114,7 +114,7 @@ def with_strategy(work: Work, strategy: str) -> Work:
 def saved_as(work: Work, name: str, folder: Path) -> Work:
     """Save the job under another name in `folder`, made if it is missing, and return the work on that file.
 
-    Of another job nothing was learned.
+    Of another job nothing was learned, and what its file says of where the values are from is not said of a copy.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`, and the problems of the job; the work stays as it is.
@@ -125,7 +125,7 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
     except OSError as error:
         problem = Problem(code="file.not_writable", where=str(folder), value=error.strerror or str(error))
         raise ProfileError(problem) from error
-    save_job(replace(work.job, name=name), path)
+    save_job(copy_of(work.job, name, work.loaded.job.name), path)
     fresh = opened(load_job(str(path)), work.machine)
     return replace(fresh, strategy=work.strategy, stage=work.stage)
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from profiles.chucking.diagnosis import Diagnosis, diagnose
 from profiles.chucking.ring import is_thin
 from profiles.files import printable
-from profiles.job import Job
+from profiles.job import SIMULATED_SOURCE, Job
 from profiles.lobe_conditions import CONDITIONS
 from profiles.lobe_fit import LobeFit, fit_lobe
 from profiles.metrology.filters import gaussian_transmission
@@ -28,9 +28,6 @@ from profiles.traces import Trace
 
 INDEX = "spindle index"
 """What the header line `start_mark` says when the angles of the trace begin where those of the spindle do."""
-
-SIMULATED_SOURCE = "lobe of a simulated part, for practice"
-"""What the source of a job says that has its lobe from a simulated part."""
 
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01

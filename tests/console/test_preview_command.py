@@ -31,6 +31,21 @@ def test_a_job_that_the_default_strategy_cannot_cut_is_refused(console: Console,
     assert [finding["severity"] for finding in seen.json["strategies"]["pvt"]["findings"]] == ["refusal"]
 
 
+def test_a_lobe_that_was_measured_in_aluminium_is_not_called_measured_in_steel(
+    console: Console, job_file: JobFile
+) -> None:
+    words = "measured, but on another cut"
+    assert words not in console("preview", str(job_file())).out
+    path = str(job_file(material='"steel"'))
+    said = console("preview", path)
+    assert words in said.out
+    (line,) = [line for line in said.out.splitlines() if "cut as calibrated" in line]
+    assert line.startswith("!") and line.split()[-2:] == ["steel", "Al"]
+    assert console("preview", path, "--json").json["lobe_error_source"] == "other_cut"
+    refused = console("run", path, "--sim")
+    assert refused.code == 1 and "material = steel" in refused.err and "with Al" in refused.err
+
+
 def test_findings_are_told_in_words_and_not_in_rounded_numbers(console: Console) -> None:
     seen = console("preview", "lee-2001-experiment-1", "--json").json
     for finding in [*seen["findings"], *seen["strategies"]["paper"]["findings"]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from console.session.work import Work, edited, opened, parsed, saved_as, undone, with_strategy
+from profiles.job import SIMULATED_SOURCE
 from profiles.problem import ProfileError
 from profiles.store import load_job, load_machine
 
@@ -52,7 +54,7 @@ def test_what_cannot_be_meant_is_refused_with_the_limits(typed: str, code: str) 
     with pytest.raises(ProfileError) as raised:
         parsed(typed, "chucking_force_n")
     (problem,) = raised.value.problems
-    assert (problem.code, problem.key, problem.limit) == (code, "chucking_force_n", "> 0, <= 100000 N")
+    assert (problem.code, problem.key, problem.limit) == (code, "chucking_force_n", ">= 0.1, <= 100000 N")
 
 
 @pytest.mark.parametrize("typed", ["3.5", "3,0", "three", ""])
@@ -112,3 +114,19 @@ def test_a_folder_that_cannot_be_made_is_a_refusal(work: Work, tmp_path: Path) -
     with pytest.raises(ProfileError) as raised:
         saved_as(work, "ring", tmp_path / "jobs")
     assert raised.value.problems[0].code == "file.not_writable"
+
+
+def test_a_copy_says_what_it_was_copied_from_and_not_the_source_of_that(work: Work, tmp_path: Path) -> None:
+    steel = edited(work, "material", "steel")
+    assert "Table 6" in steel.job.source
+    copied = saved_as(steel, "mine", tmp_path).job
+    assert (copied.source, copied.copied_from) == ("", "lee-2001-experiment-1")
+    assert (copied.material, copied.lobe_material) == ("steel", "Al")
+    again = saved_as(saved_as(steel, "mine-2", tmp_path), "mine-3", tmp_path).job
+    assert again.copied_from == "mine-2"
+
+
+def test_a_copy_keeps_it_that_its_lobe_is_one_of_a_simulated_part(work: Work, tmp_path: Path) -> None:
+    practice = replace(work.job, source=f"Table 6; {SIMULATED_SOURCE}")
+    copied = saved_as(replace(work, job=practice), "mine", tmp_path).job
+    assert copied.source == SIMULATED_SOURCE

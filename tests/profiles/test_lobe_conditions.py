@@ -7,7 +7,16 @@ from typing import Any
 
 import pytest
 
-from profiles.lobe_conditions import FORCE_SHARE, force_as_found, kept_condition, lobe_differences, unstated
+from profiles.lobe_conditions import (
+    FORCE_SHARE,
+    OTHER_CUT,
+    changed_conditions,
+    force_as_found,
+    kept_condition,
+    lobe_differences,
+    lobe_source,
+    unstated,
+)
 from profiles.prediction import predict
 from profiles.rules import Severity, check
 from profiles.store import load_job, load_machine
@@ -33,7 +42,13 @@ LATHE = load_machine("lee-2001-lathe").machine
         ({"lobe_chuck": "collet"}, "chuck.name"),
         ({"lobe_chuck": "scroll 160", "lobe_tool": "CCMT"}, None),
         ({"lobe_tool": "DCMT"}, "tool.name"),
-        ({"material": "S45C", "feed_mm_per_rev": 0.03}, None),
+        ({"feed_mm_per_rev": 0.03}, None),
+        ({"material": "S45C"}, "material"),
+        ({"material": "aluminium"}, None),
+        ({"material": "A6061"}, None),
+        ({"material": "brass"}, "material"),
+        ({"material": "Brass", "lobe_material": "brass"}, None),
+        ({"jaws": 6}, "jaws"),
         ({"spindle_speed_rpm": 800.0, "lobe_spindle_speed_rpm": None}, None),
     ],
 )
@@ -75,6 +90,8 @@ CONDITIONS = (
     "lobe_overhang_mm",
     "lobe_wall_thickness_mm",
     "lobe_diameter_mm",
+    "lobe_material",
+    "lobe_jaws",
     "lobe_chuck",
     "lobe_tool",
 )
@@ -102,6 +119,45 @@ def test_nothing_holds_that_was_compared_with_nothing(source: str, key: str) -> 
     nothing: dict[str, Any] = dict.fromkeys(CONDITIONS)
     by_model = {f.problem.code for f in check(replace(job, lobe_error_source="model", **nothing), LATHE)}
     assert not {"rule.lobe_differs", "rule.lobe_unstated", "rule.force_differs"} & by_model
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "found_at"),
+    [
+        ("material", "steel", "Al"),
+        ("jaws", 6, 3),
+        ("diameter_mm", 53.0, 52.0),
+        ("wall_thickness_mm", 3.0, 2.5),
+        ("overhang_mm", 31.0, 30.0),
+        ("chucking_force_n", 1400.0, 1314.0),
+        ("spindle_speed_rpm", 900.0, 1000.0),
+    ],
+)
+@pytest.mark.parametrize("source", ["measured", "fitted"])
+def test_an_error_is_not_called_measured_on_a_cut_with_another_condition(
+    source: str, key: str, value: object, found_at: object
+) -> None:
+    found = replace(MEASURED, lobe_error_source=source)
+    assert lobe_source(found) == source and changed_conditions(found) == {}
+    changed = replace(found, **{key: value})  # type: ignore[arg-type]
+    assert lobe_source(changed) == OTHER_CUT
+    assert changed_conditions(changed) == {key: found_at}
+    assert lobe_source(replace(changed, lobe_error_source="assumed")) == "assumed"
+
+
+def test_nor_in_another_chuck_or_with_another_tool() -> None:
+    own = {"chuck": LATHE.chuck.name, "tool": LATHE.tool.name}
+    assert lobe_source(MEASURED, **own) == "measured"
+    for name in own:
+        assert lobe_source(MEASURED, **{**own, name: "another"}) == OTHER_CUT
+
+
+def test_a_lobe_that_was_found_in_three_jaws_is_none_of_six() -> None:
+    """The model speaks for six jaws; a factor of three would scale one lobe by another."""
+    six = predict(replace(MEASURED, jaws=6), LATHE)
+    assert predict(MEASURED, LATHE).scaled_to is not None and six.scaled_to is None
+    assert six.cut.um_pp == six.model.um_pp < 1.0
+    assert six.process.lobed_force_n < 0.05
 
 
 def test_a_condition_that_no_file_states_is_what_the_file_has_as_long_as_another_value_is_tried() -> None:

@@ -130,6 +130,7 @@ def test_all_at_once_and_other_jaws_are_a_warning() -> None:
         "rule.grip_need",
         "rule.clamp_span",
         "rule.jaws_differ",
+        "rule.lobe_differs",
     ]
     assert refused(job) == ["rule.wall_over_radius", "rule.feed_over_land"]
 

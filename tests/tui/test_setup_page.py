@@ -298,6 +298,33 @@ def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path
     play(scene, tmp_path, work=experiment())
 
 
+@pytest.mark.parametrize(
+    ("place", "typed", "beside", "below"),
+    [
+        (0, "steel", "lobe: Al", "lobe found at Al: not measured for this"),
+        (1, "53", "lobe: D 52.000 mm", "lobe found at D 52.000 mm: not measured"),
+        (4, "6", "lobe: 3", "lobe found at 3: not measured"),
+    ],
+)
+def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(
+    tmp_path: Path, place: int, typed: str, beside: str, below: str
+) -> None:
+    async def scene(stage: Stage) -> None:
+        assert "measured at" in stage.text
+        await stage.act(*["setup.next"] * place, "setup.edit")
+        await stage.type(typed)
+        assert below in stage.text
+        await stage.act("setup.edit")
+        assert below in stage.text
+        assert "another cut at" in stage.text and "measured at" not in stage.text
+        await stage.act("setup.next")
+        assert beside in stage.text
+        await stage.act("setup.undo")
+        assert "measured at" in stage.text and beside not in stage.text
+
+    play(scene, tmp_path, work=experiment(), size=ROOMS[-2])
+
+
 def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         await stage.act("setup.save_as")

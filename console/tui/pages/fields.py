@@ -103,6 +103,12 @@ def named(problem: Problem, text: Catalogue) -> Problem:
     return replace(problem, key=text(f"setup.{problem.key}")) if problem.key in _NAMED else problem
 
 
+def provenance(job: Job, text: Catalogue) -> str:
+    """Return where the values of a job come from: its source, or the job that it was copied from."""
+    copied = text("jobs_page.copied_from", name=job.copied_from) if job.copied_from else ""
+    return "; ".join(filter(None, (copied, job.source)))
+
+
 def name_problem(name: str, taken: frozenset[str]) -> Problem | None:
     """Return why a job cannot be saved under this name; the limit of a taken one is a name that is free."""
     limit = f"<= {FILE_NAME_CAP_CHARACTERS}"

@@ -10,9 +10,11 @@ from rich.cells import cell_len
 from console.session.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fact, fitted, hanging, line, wrapped
+from console.tui.pages.fields import provenance
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.job import Job
+from profiles.lobe_conditions import lobe_source
 from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
 
@@ -88,7 +90,7 @@ def summary_lines(jobs: JobList, text: Catalogue, width: int, *, edited: bool) -
         *_job_lines(loaded.job, text, room),
         *_last_lines(jobs.results.get(loaded.job.name), jobs.simulated, text, room),
         _fact(text("jobs_page.revision"), f"{loaded.sha256[:6]}, {kept}", room),
-        *wrapped(loaded.job.source, width, Token.DIM),
+        *wrapped(provenance(loaded.job, text), width, Token.DIM),
     ]
 
 
@@ -131,7 +133,7 @@ def _reasons(entry: LibraryEntry, problems: Sequence[Problem], text: Catalogue, 
 def _job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
     solid = job.wall_thickness_mm >= job.radius_mm
     form = text("jobs_page.bar" if solid else "jobs_page.tube", material=job.material)
-    source = text(f"source.{job.lobe_error_source}")
+    source = text(f"source.{lobe_source(job)}")
     size = f"D {job.diameter_mm:.1f}" + ("" if solid else f" x {job.wall_thickness_mm:.1f}") + " mm"
     lobe = text("jobs_page.jaws", count=job.jaws, frequency=f"{job.lobe_frequency_hz:.1f}")
     rows = (

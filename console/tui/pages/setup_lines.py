@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.cells import cell_len
 
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
-from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, with_unit, written
+from console.tui.pages.fields import FORM, FormField, Judged, bounds, named, provenance, with_unit, written
 from console.tui.theme import Token
 from profiles.chucking.advice import ForceSpan, Stands, force_span
 from profiles.chucking.holding import holding_of
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
 from profiles.chucking.wrench import torque_or_none_n_m
 from profiles.job import Job
+from profiles.lobe_conditions import changed_conditions, lobe_source
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import Finding, Severity
@@ -91,7 +92,7 @@ def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, 
     """Return what the job's force and speed make of grip and lobe; the first rows matter most, for a low room."""
     margin_n, span = grip_margin_n(job, machine), force_span(job, machine)
     width = min(width, _SPEED_WIDTH)
-    source = text(f"source.{job.lobe_error_source}")
+    source = text(f"source.{lobe_source(job, chuck=machine.chuck.name, tool=machine.tool.name)}")
     head = [
         _fact(text("setup.grip"), f"{margin_n:.1f} N", width, Token.TEXT if margin_n >= 0 else Token.WARNING),
         _window_line(span, job, text, width),
@@ -241,6 +242,8 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
         return BLANK
     if row is state.field and bounds(row):
         return (dim(fitted(bounds(row), room)),)
+    if row.key in changed_conditions(state.work.job):
+        return ((fitted(text("setup.lobe_was", value=_of_lobe(row, state.work.job)), room), Token.WARNING),)
     if getattr(state.work.job, row.key) != getattr(state.work.loaded.job, row.key):
         was = text("setup.was", value=written(row, state.work.loaded.job))
         return ((fitted(was, room), Token.WARNING),)
@@ -262,13 +265,20 @@ def _foot(state: FormState, text: Catalogue, width: int) -> list[Line]:
     rule, field, work = state.field.rule, state.field, state.work
     allowed = text("setup.allowed", limit=rule.limit) if field.numeric else text("setup.allowed_text")
     notes = []
-    if state.typed is not None:
+    if field.key in changed_conditions(draft(state)):
+        notes.append(text("setup.lobe_was_long", value=_of_lobe(field, draft(state))))
+    elif state.typed is not None:
         notes.append(text("setup.keeps", value=with_unit(field, work.job)))
     elif getattr(work.job, field.key) != getattr(work.loaded.job, field.key):
         notes.append(text("setup.was_long", value=with_unit(field, work.loaded.job)))
     elif field.key in work.job.assumed:
         notes.append(text("setup.assumed_long"))
     return [(dim(fitted(words, width)),) for words in (allowed, *notes)]
+
+
+def _of_lobe(field: FormField, job: Job) -> str:
+    """Return what a condition was when the lobe of the job was found, as its field shows it."""
+    return with_unit(field, replace(job, **{field.key: changed_conditions(job)[field.key]}))
 
 
 def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line]:
@@ -278,7 +288,7 @@ def _file_lines(work: Work, text: Catalogue, width: int, room: int) -> list[Line
         BLANK,
         (dim(text("setup.file")),),
         line(dim("  " + fitted(text("setup.revision"), _LABEL)), f" {work.loaded.sha256[:6]}"),
-        *(line("  ", *pieces) for pieces in wrapped(job.source, width - 2, Token.DIM)),
+        *(line("  ", *pieces) for pieces in wrapped(provenance(job, text), width - 2, Token.DIM)),
     ]
     return lines if len(lines) <= room else []
 
