@@ -324,10 +324,10 @@ class ConsoleApp(App[None]):
                 self.desk.said = ()
                 self._dismissed = self.desk.control.state.refusals
                 self._do(action, page)
-            case Verdict.NOTHING if is_stray(event.key, event.character, now):
-                self.desk.said = (Problem(code="screen.not_of_a_number", value=event.character or ""),)
         self.call_after_refresh(self.tick)
-        return True
+        if stray := is_stray(event.key, event.character, now):
+            self.desk.said = (Problem(code="screen.not_of_a_number", value=event.character or ""),)
+        return not stray
 
     def _do(self, action: Action, page: Page) -> None:
         kind, _, rest = action.id.partition(".")

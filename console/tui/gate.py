@@ -66,9 +66,8 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
         return Verdict.KILL, None
     if _writes(key, character, now.field):
         return Verdict.FIELD, None
-    scrolling = next((each for each in READING if now.reading and key in each.keys), None)
-    action = scrolling or action_of(key, character, now.page)
-    if action is not None and not (now.small and action.id != "quit"):
+    action = _action(key, character, now)
+    if action is not None:
         return Verdict.ACTION, action
     if now.moving and not _modifier_alone(key):
         return Verdict.STOP, None
@@ -76,9 +75,24 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
 
 
 def is_stray(key: str, character: str | None, now: Situation) -> bool:
-    """Whether somebody typed what no number is written with: it must not vanish without a word."""
+    """Whether somebody typed what no number is written with.
+
+    It must not vanish: 1e3 without its e is another number. It stands in the entry, which is refused for it; so
+    does a Space, which stops as well.
+    """
     printable = character is not None and character.isprintable()
-    return now.field is FieldKind.NUMBER and printable and judge(key, character, now)[0] is Verdict.NOTHING
+    vanishes = key == "space" or judge(key, character, now)[0] is Verdict.NOTHING
+    return now.field is FieldKind.NUMBER and printable and vanishes
+
+
+def _action(key: str, character: str | None, now: Situation) -> Action | None:
+    """Return what a key does; a character of every page would interrupt a number that goes on behind it."""
+    scrolling = next((each for each in READING if now.reading and key in each.keys), None)
+    action = scrolling or action_of(key, character, now.page)
+    if action is None or (now.small and action.id != "quit"):
+        return None
+    interrupts = action.page is None and character is not None and character.isprintable()
+    return None if interrupts and now.field is FieldKind.NUMBER else action
 
 
 def _writes(key: str, character: str | None, field: FieldKind) -> bool:

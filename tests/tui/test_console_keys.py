@@ -12,6 +12,7 @@ from console.session.alignment import Alignment
 from console.session.intents import Home, Intent
 from console.session.state import Activity, Armed, StationState, StopState
 from console.tui.app import ConsoleApp
+from console.tui.gate import FieldKind
 from console.tui.held import HeldKeys
 from console.tui.keymap import ACTIONS, PageName
 from drivers.cut import Strategy, plan_cut
@@ -174,3 +175,27 @@ def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_b
     lost = align_stage.state(activity=Activity.LOST, snapshot=moving)
     console = pressed(tmp_path, lost, PageName.ALIGN, (0.0, "z"), (1.0, "ctrl+q"))
     assert (console.control.stops, console.said) == (["unbound"], [])
+
+
+@pytest.mark.parametrize("typed", ["1e3", "1e3x7", "1 5", "1k3", "1?3", "1t3", "ㅁ13", "1ㅏ3"])
+def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_it(
+    typed: str, tmp_path: Path
+) -> None:
+    """1e3 without its e would be 13 mm: what does not belong stays in the entry, and Enter refuses it."""
+    keys = ["down", "enter", *("space" if each == " " else each for each in typed), "enter"]
+    console = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
+    (refused,) = console.app.desk.said
+    assert (refused.code, refused.value) == ("value.not_number", f'"{typed}"')
+    assert console.app.desk.work == experiment()
+    assert console.app.field_kind is FieldKind.NUMBER and console.orders == []
+
+
+def test_a_character_that_does_not_belong_is_told_at_once_and_can_be_deleted(tmp_path: Path) -> None:
+    keys = ["down", "enter", "5", "e"]
+    spoilt = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
+    assert spoilt.said == ["screen.not_of_a_number"]
+    keys += ["backspace", "3", "enter"]
+    mended = pressed(
+        tmp_path / "again", align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys))
+    )
+    assert mended.app.desk.work is not None and mended.app.desk.work.job.diameter_mm == 53.0

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.tui.gate import FieldKind, Situation, Verdict, judge, stops_at_once
+from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge, stops_at_once
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
 
 situations = st.builds(
@@ -47,9 +47,25 @@ def test_a_field_of_numbers_takes_what_numbers_are_written_with(now: Situation, 
 
 
 @given(situations, st.characters(categories=["L", "P", "S"], exclude_characters="+-.,"))
-def test_a_field_of_numbers_takes_nothing_else(now: Situation, character: str) -> None:
+def test_what_no_number_is_written_with_spoils_the_entry_or_belongs_to_the_page(
+    now: Situation, character: str
+) -> None:
+    """Nothing that was typed vanishes out of the middle of a number, and no key of every page acts there."""
+    key = f"key_{ord(character)}"
+    verdict, action = judge(key, character, now)
     if now.field is FieldKind.NUMBER:
-        assert judge(f"key_{ord(character)}", character, now)[0] is not Verdict.FIELD
+        assert verdict is not Verdict.FIELD
+        assert action is None or action.page is now.page
+        assert is_stray(key, character, now) is (verdict is Verdict.NOTHING)
+    else:
+        assert not is_stray(key, character, now)
+
+
+def test_a_space_in_a_number_stops_and_spoils_the_entry() -> None:
+    now = Situation(page=PageName.SETUP, field=FieldKind.NUMBER)
+    assert judge("space", " ", now)[0] is Verdict.STOP and is_stray("space", " ", now)
+    assert not is_stray("space", " ", Situation(page=PageName.SETUP))
+    assert not is_stray("escape", "\x1b", now)
 
 
 @given(situations, st.sampled_from(["alt+d", "ctrl+alt+x", "f11", "insert", "z", "ㅋ", "unknown"]))

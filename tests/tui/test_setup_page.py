@@ -167,11 +167,16 @@ def test_what_does_not_parse_is_not_taken_and_not_lost(
     play(scene, tmp_path, work=experiment(), language=language)
 
 
-def test_letters_do_not_get_into_a_number(tmp_path: Path) -> None:
+@pytest.mark.parametrize("typed", ["1a2e3", "1e3", "1e3x7", "13!"])
+def test_a_letter_in_a_number_refuses_the_entry_and_is_not_left_out(tmp_path: Path, typed: str) -> None:
     async def scene(stage: Stage) -> None:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
-        await stage.type("1a2e3")
-        assert "[123 " in stage.text
+        await stage.type(typed)
+        assert f"[{typed} " in stage.text and "✗ refused" in stage.text
+        await stage.act("setup.edit")
+        assert stage.codes == ["value.not_number"]
+        assert stage.desk.said[0].value == f'"{typed}"'
+        assert stage.desk.work == experiment()
 
     play(scene, tmp_path, work=experiment())
 

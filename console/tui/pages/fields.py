@@ -14,6 +14,9 @@ from profiles.problem import Problem, ProfileError
 FILE_NAME_CAP_CHARACTERS = 60
 _FILE_NAME_CAP_BYTES = 200
 
+NEXT_TO_NOTHING = 0.001
+"""Share of the most at which a least value takes more cells than it says."""
+
 _LIMITS = {field.key: field for field in JOB_FIELDS}
 
 
@@ -72,11 +75,16 @@ def with_unit(field: FormField, job: Job) -> str:
 
 
 def bounds(field: FormField) -> str:
-    """Return what is allowed in few cells, without the unit: ">0 ≤500"."""
+    """Return what is allowed in few cells, without the unit: ">0 ≤500".
+
+    A least value that is next to nothing of the most is ">0" here; the line under the form and a refusal say it.
+    """
     rule = field.rule
     if not field.numeric:
         return ""
-    pairs = ((">", rule.above), ("≥", rule.at_least), ("≤", rule.at_most))
+    least, most = rule.at_least, rule.at_most
+    tiny = least is not None and most is not None and 0 < least <= NEXT_TO_NOTHING * most
+    pairs = ((">", 0.0 if tiny else rule.above), ("≥", None if tiny else least), ("≤", most))
     return " ".join(f"{sign}{bound:.10g}" for sign, bound in pairs if bound is not None)
 
 

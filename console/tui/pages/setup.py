@@ -29,7 +29,6 @@ from profiles.problem import Problem, ProblemError
 from profiles.rules import Severity, check, refusals
 from profiles.store import list_jobs
 
-_NUMBER = r"[0-9+\-.,]*"
 _NUMBER_CAP_CHARACTERS = 24
 _TIGHT_BELOW_ROWS = 16
 
@@ -192,7 +191,6 @@ class SetupPage(Page):
         if self._work is None or self._refused_by_lock():
             return
         field = self._field
-        self._entry.restrict = _NUMBER if field.numeric else None
         self._entry.max_length = _NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
         self._open(Entering.VALUE, written(field, self._work.job))
 
@@ -223,7 +221,7 @@ class SetupPage(Page):
         if self._entering is Entering.NAME or self._refused_by_lock():
             return
         self._taken = frozenset(entry.name for entry in list_jobs(jobs_folder(self.desk.data)))
-        self._entry.restrict, self._entry.max_length = None, TEXT_CAP_CHARACTERS
+        self._entry.max_length = TEXT_CAP_CHARACTERS
         self._open(Entering.NAME, free_name(work.loaded.path.stem, self._taken))
 
     def _save(self) -> None:

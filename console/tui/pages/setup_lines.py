@@ -243,7 +243,9 @@ def _beside(row: FormField, state: FormState, text: Catalogue, width: int) -> Li
     if row is state.field and bounds(row):
         return (dim(fitted(bounds(row), room)),)
     if row.key in changed_conditions(state.work.job):
-        return ((fitted(text("setup.lobe_was", value=_of_lobe(row, state.work.job)), room), Token.WARNING),)
+        was = text("setup.lobe_was", value=_of_lobe(row, state.work.job))
+        # A number that is cut would be read as another one.
+        return ((fitted(was if cell_len(was) <= room else text("setup.not_lobes"), room), Token.WARNING),)
     if getattr(state.work.job, row.key) != getattr(state.work.loaded.job, row.key):
         was = text("setup.was", value=written(row, state.work.loaded.job))
         return ((fitted(was, room), Token.WARNING),)
