@@ -82,7 +82,7 @@ def refusal_of_machine_setting(name: str) -> str:
 
 
 def changed_machine(section: str, field: Field) -> Any:
-    return replace(LATHE, **{section: replace(getattr(LATHE, section), **{field.key: least(field)})})  # type: ignore[arg-type]
+    return replace(LATHE, **{section: replace(getattr(LATHE, section), **{field.key: least(field)})})
 
 
 def calculated(job: Any, machine: Any) -> None:
