@@ -63,8 +63,8 @@ def _is_number(text: str | None) -> bool:
 def job_file(tmp_path: Path) -> Callable[..., Path]:
     """Write experiment 1 with some of its lines changed; None takes a line away.
 
-    Its error was then found in a cut like that: speed and lengths of the calibration cut are changed with the
-    job's. The force is not.
+    Its error was then found in a cut like that: speed, lengths and jaws of the calibration cut are changed with
+    those of the job. Force and material are not.
     """
 
     def write(name: str = "mine", **changes: str | None) -> Path:
@@ -72,8 +72,12 @@ def job_file(tmp_path: Path) -> Callable[..., Path]:
 
         text = (profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml").read_text(encoding="utf-8")
         found = {
-            key: own for key, own in CONDITIONS.items() if key != "lobe_force_n" and _is_number(changes.get(own))
+            key: own
+            for key, own in CONDITIONS.items()
+            if key not in ("lobe_force_n", "lobe_material") and _is_number(changes.get(own))
         }
+        if not (changes.get("jaws") or "").isdigit() or not 2 <= int(changes["jaws"] or 0) <= 12:
+            found.pop("lobe_jaws", None)
         changes = {**{key: changes[own] for key, own in found.items()}, **changes}
         lines = []
         for line in text.splitlines():
