@@ -13,6 +13,9 @@ from console.tui.keymap import KILL_KEYS, READING, STOP_KEYS, Action, PageName, 
 
 NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
+LISTS = ("help", "messages")
+"""What a list in the place of the page is opened with, also in the middle of a number."""
+
 HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
 
 
@@ -60,11 +63,12 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
 
     While something moves, a key that means nothing is a stop, and so is an Alt-key, which may hide an Escape.
     """
-    if stops_at_once(key, now.field):
+    # Behind a list nothing is written, so Space is no space there.
+    if stops_at_once(key, FieldKind.NONE if now.reading else now.field):
         return Verdict.STOP, None
     if key in KILL_KEYS:
         return Verdict.KILL, None
-    if _writes(key, character, now.field):
+    if _writes(key, character, now.field) and not now.reading:
         return Verdict.FIELD, None
     action = _action(key, character, now)
     if action is not None:
@@ -82,16 +86,24 @@ def is_stray(key: str, character: str | None, now: Situation) -> bool:
     """
     printable = character is not None and character.isprintable()
     vanishes = key == "space" or judge(key, character, now)[0] is Verdict.NOTHING
-    return now.field is FieldKind.NUMBER and printable and vanishes
+    return now.field is FieldKind.NUMBER and not now.reading and printable and vanishes
 
 
 def _action(key: str, character: str | None, now: Situation) -> Action | None:
-    """Return what a key does; a character of every page would interrupt a number that goes on behind it."""
-    scrolling = next((each for each in READING if now.reading and key in each.keys), None)
-    action = scrolling or action_of(key, character, now.page)
+    """Return what a key does. Nothing is typed, taken or left behind a list that hides an open entry.
+
+    A character of every page would interrupt a number that goes on behind it, unless it opens a list.
+    """
+    if now.reading and (scrolling := next((each for each in READING if key in each.keys), None)):
+        return scrolling
+    action = action_of(key, character, now.page)
     if action is None or (now.small and action.id != "quit"):
         return None
-    interrupts = action.page is None and character is not None and character.isprintable()
+    everywhere = action.page is None and not action.id.startswith("page.")
+    if now.field is not FieldKind.NONE and now.reading:
+        return action if everywhere else None
+    printable = character is not None and character.isprintable()
+    interrupts = action.page is None and action.id not in LISTS and printable
     return None if interrupts and now.field is FieldKind.NUMBER else action
 
 
