@@ -102,7 +102,7 @@ def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
     while (folder / f"{name}-{number}.toml").exists():
         number += 1
     path = folder / f"{name}-{number}.toml"
-    save_job(replace(job, name=path.stem), path)
+    save_job(replace(job, name=path.stem), path, private=True)
     return load_job(str(path))
 
 
