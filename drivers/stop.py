@@ -80,6 +80,11 @@ class StopPath:
         """Send the stop now. Safe in a signal handler and from any thread; never raises."""
         self._send(reason, kill=False)
 
+    def note(self, reason: str) -> None:
+        """Let nothing that moves go out any more, and send nothing: it is not known yet whose the machine is."""
+        self._begun.append(reason)
+        self._sent.append(None)
+
     def kill(self, reason: str) -> None:
         """Open every loop now; the spindle coasts."""
         self._send(reason, kill=True)

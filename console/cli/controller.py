@@ -13,6 +13,7 @@ from console.cli.library import data_of, refuse_unsigned
 from console.cli.output import print_json
 from console.cli.signature_checks import signature_checks
 from console.session.kept_files import make_folder
+from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.errors import RefusedError
 from drivers.ownership import Ownership
@@ -116,12 +117,7 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
         refuse_unready(card.client, card.dialect)
         make_folder(backup.parent)
         _written(card, backup, private=True)
-        ownership = Ownership(card.client)
-        ownership.claim()
-        try:
-            apply(card.client, card.dialect, writes)
-        finally:
-            ownership.release()
+        _apply_whole(card, writes)
     if options.json:
         lines = [{"line": write.line, "found": write.found} for write in writes]
         file = None if backup is None else str(backup)
@@ -129,6 +125,23 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
     else:
         print("\n".join([head(card, text), *_applied(writes, backup, text)]))
     return 0
+
+
+def _apply_whole(card: Card, writes: tuple[Write, ...]) -> None:
+    """Write everything as the one who controls the machine; a signal ends the command once it is given back.
+
+    Raises:
+        DriverError: another console controls it; the controller refuses a line; the link broke.
+    """
+    interruption = Interruption()
+    interruption.install()
+    ownership = Ownership(card.client)
+    with interruption.holding():
+        try:
+            ownership.claim()
+            apply(card.client, card.dialect, writes)
+        finally:
+            ownership.release()
 
 
 def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) -> list[str]:

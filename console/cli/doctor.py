@@ -16,7 +16,7 @@ from console.cli.stop_checks import keep_stops, stop_checks
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.errors import DriverError
-from drivers.ownership import Ownership
+from drivers.ownership import Ownership, Standing
 from drivers.pmac.configuration.check import Check, Outcome, worst
 from drivers.pmac.configuration.proofs.bench import names_of, unproven
 from drivers.pmac.configuration.verification import Verification, in_order, verify
@@ -49,12 +49,16 @@ def _proven(options: Namespace, card: Card, verification: Verification) -> tuple
     from drivers.pmac.configuration.proofs.proving import prove
 
     interruption = Interruption()
-    interruption.install()
-    interruption.guard(card.stop)
     ownership = Ownership(card.client)
-    ownership.claim()
+    interruption.guard(
+        card.stop,
+        anothers=lambda: ownership.standing is not Standing.OWNER,
+        changing=lambda: ownership.standing is Standing.CHANGING,
+    )
+    interruption.install()
     try:
-        proven = prove(card.client, card.stop, card.clock, verification, ownership.number)
+        ownership.claim()
+        proven = prove(card.client, card.stop, card.clock, verification, ownership.number, ownership.see)
     finally:
         with suppress(DriverError):
             ownership.release()

@@ -46,6 +46,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.output import print_json
     from console.cli.warn import tell
     from console.session.identified import store
+    from console.session.machine_run import guard
     from drivers.link.tracing import Tracing
 
     machine = machine_of(options)
@@ -54,9 +55,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"identify {machine.machine.name}")
     try:
         with _reached(options, machine, interruption, tracing) as (rig, owning, simulated):
+            guard(interruption, rig.lathe)
             if not simulated and not _agreed(options, rig, text):
                 return 1
-            interruption.guard(rig.lathe.stop)
             identified = _identified(rig, owning, simulated, request, teller)
     finally:
         tell(tracing.problems, text)

@@ -9,7 +9,7 @@ from console.cli.run_order import RunOrder
 from console.session.commissioned import Commissioned
 from console.session.errors import SessionError
 from console.session.learning import LearnResult, learn
-from console.session.machine_run import leave, machine_shop
+from console.session.machine_run import guard, leave, machine_shop
 from console.session.reaching import reach
 from console.session.run import RunResult, run, run_once
 from console.session.sequence import Shop, Step
@@ -59,7 +59,7 @@ def _run_there(
     """Cut one part on a machine behind a link, and leave it with its drives off."""
     reached = reach(order.machine, address, data, tracing)
     try:
-        interruption.guard(reached.stop)
+        guard(interruption, reached.lathe)
         commissioned = Commissioned(
             reached.client, reached.heartbeat, order.machine.machine, data, simulated=reached.simulated
         )

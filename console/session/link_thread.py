@@ -166,7 +166,8 @@ class LinkThread:
             station.close(self._ending)
             self._at_rest = station.state.activity is not Activity.LOST
         except BaseException:
-            opened.stop.kill("fault")
+            if station.state.controls:  # else it moves for somebody else
+                opened.stop.kill("fault")
             raise
         finally:
             opened.close()

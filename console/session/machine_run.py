@@ -9,9 +9,20 @@ from console.session.interlocks import Interlock, refuse_unless
 from console.session.owning import Owning
 from console.session.reaching import Reached
 from console.session.sequence import Shop
+from console.session.signals import Interruption
 from drivers.lathe import Lathe
 from drivers.ownership import Standing
 from profiles.problem import ProblemError
+
+
+def guard(interruption: Interruption, lathe: Lathe) -> None:
+    """Stop this machine when the command is to end, from the claim on; nothing is sent while it is another's."""
+    ownership = lathe.ownership
+    interruption.guard(
+        lathe.stop,
+        anothers=lambda: lathe.anothers,
+        changing=lambda: ownership is not None and ownership.standing is Standing.CHANGING,
+    )
 
 
 def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
