@@ -3,9 +3,9 @@
 The number is drawn anew by each console, so that one that died and came back is not taken for the one before.
 An observer may stop the machine, and nothing else.
 
-Consoles on different computers may claim at the same moment, so that reading and then writing is no claim: somebody
-may write in between. The controller compares and writes by itself, in one line, which it carries out whole before
-the next one of any host: the number is exchanged for another only where it still is what it was taken for.
+Consoles on different computers may claim at the same moment, so that reading and then writing is no claim:
+somebody may write in between. The controller compares and writes by itself, in one line, which it carries out
+whole before the next one of any host: the number is exchanged only where it still is what it was taken for.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ HIGHEST = 2**31 - 1
 
 
 def exchange_line(before: float, after: int) -> str:
-    """Return the line that puts `after` in the place of `before`, of nothing else, and answers what is there then.
+    """Return the line that puts `after` in the place of `before` alone, and asks what is there then.
 
-    There is no IF on line. INT(1.5/(|difference|+1)) is 1 where there is no difference, and 0 where there is one of
-    1 or more; 1.5, so that no rounding of the division matters.
+    There is no IF on line. INT(1.5/(|difference|+1)) is 1 where there is no difference, and 0 where there is one
+    of 1 or more; 1.5, so that no rounding of the division matters.
     """
     sought = f"{'-' if before >= 0.0 else '+'}{format_number(abs(before))}"
     same = f"INT(1.5/(ABS({OWNER_ITEM}{sought})+1))"

@@ -91,7 +91,7 @@ def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:
 
 
 def make_private_folder(folder: Path) -> None:
-    """Make a folder, with those above it, for its owner alone, whatever the umask; one that is there stays as it is.
+    """Make a folder, and those above it, for its owner alone, whatever the umask; what is there stays as it is.
 
     Raises `OSError`.
     """

@@ -28,7 +28,7 @@ from drivers.pmac.configuration.judged import Judged
 from drivers.pmac.configuration.reading import read_configuration, whole_card
 from drivers.pmac.configuration.verification import in_order, read_of_machine, verify
 from profiles.files import printable, read_regular_file, write_atomically
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem
 
 BACKUP_FOLDER = "backups"
 

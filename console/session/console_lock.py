@@ -3,8 +3,8 @@
 The kernel lets go of the lock when its process dies, so a lock that can be taken says that whoever held it is
 gone; the number that it left tells whether the controller is still held by that one.
 
-What stands there may have been put there by somebody else: nothing is opened through a symbolic link, and nothing is
-written to what is no plain file of this user alone.
+What stands there may have been put there by somebody else: nothing is opened through a symbolic link, and nothing
+is written to what is no plain file of this user alone.
 """
 
 from __future__ import annotations

@@ -31,9 +31,9 @@ class Interruption:
     """Turns a signal into a stop of whatever machine is being guarded.
 
     Installed before the numerics are loaded. With a machine the handler only sends the stop: the session then
-    sees it, waits for rest, and leaves. Before there is a machine, and while another console controls it, nothing is
-    sent, and the command ends at once. Signals that come while a claim is on its way are noted: the session sees
-    them as a stop as soon as the claim is answered.
+    sees it, waits for rest, and leaves. Before there is a machine, and while another console controls it, nothing
+    is sent, and the command ends at once. One that comes while a claim is on its way is noted: the session sees it
+    as a stop as soon as the claim is answered.
     """
 
     def __init__(self) -> None:

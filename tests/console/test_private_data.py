@@ -1,4 +1,4 @@
-"""What is kept in the data folder is its owner's alone, whoever has set which umask; what is saved elsewhere is not."""
+"""What is kept in the data folder is its owner's alone, whatever the umask; what is saved elsewhere is not."""
 
 from __future__ import annotations
 

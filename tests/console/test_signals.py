@@ -1,10 +1,11 @@
-"""A signal at any moment of a command: it stops the machine where that is ours, and sends nothing where it is not."""
+"""A signal at any moment of a command: it stops the machine where that is ours, and is silent where it is not."""
 
 from __future__ import annotations
 
 import os
 import signal
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,9 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, OneConsole, console_of
-from tests.console.test_controller_command import Commissioned
 from tests.console.test_controller_command import card as card
 from tests.console.test_controller_command import real as real
+from tests.drivers.commissioned import Commissioned
 
 Console = Callable[..., Any]
 ANOTHER = 4711
@@ -91,7 +92,7 @@ def test_there_is_no_moment_of_a_claim_in_which_a_signal_is_lost_or_stops_anothe
             urgent(data)
 
         console.client.link.send_urgent = stops  # type: ignore[method-assign]
-        moments = _Moments(console, at, lambda end=interruption.end: end("SIGTERM"))
+        moments = _Moments(console, at, partial(interruption.end, "SIGTERM"))
         try:
             works(console, interruption)
         except Interrupted:
@@ -165,7 +166,8 @@ def test_what_must_not_end_half_done_ends_behind_it() -> None:
 @pytest.fixture
 def at_a_line(card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bytes], None]]:
     """Let SIGTERM come when the card is sent a certain piece of text for the first time."""
-    send, waits = card.link.send, []
+    send = card.link.send
+    waits: list[bytes] = []
 
     def heard(data: bytes) -> None:
         send(data)

@@ -1,4 +1,4 @@
-"""Consoles that reach for one machine at the same moment, over lines of their own, in every order of what they say.
+"""Consoles that reach for a machine at the same moment, over lines of their own, in every order of what they say.
 
 No look comes in between: what a console believes when its claim has ended must be so.
 """
@@ -24,7 +24,7 @@ from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
-from tests.drivers.turns import Turns, TurnLink
+from tests.drivers.turns import TurnLink, Turns
 
 LINES = 3
 """More than a claim sends: who has ended waits for nobody."""
@@ -122,7 +122,8 @@ def test_of_two_who_take_it_from_the_same_one_the_second_is_refused(floor: Floor
 
 def test_a_claim_whose_answer_is_lost_is_known_by_asking(floor: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
     (console, *_), link = floor.consoles(1), floor.links[0]
-    real, swallowed = link.receive, []
+    real = link.receive
+    swallowed: list[bytes] = []
 
     def receive(timeout_s: float) -> bytes:
         came = real(timeout_s)

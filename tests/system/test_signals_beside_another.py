@@ -1,7 +1,7 @@
 """A console that is ended while another one works the machine: nothing that it sends touches what moves there.
 
-The machine turns its spindle for console 4711. Time stands still where a test says, so that the signal comes at just
-that word of the console under test.
+The machine turns its spindle for console 4711. Time stands still where a test says, so that the signal comes at
+just that word of the console under test.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def test_a_run_that_ends_before_it_has_the_machine_stops_nobody(
 def test_a_run_that_is_refused_stops_nobody_either(lathe: SimulatedLathe, made: Order) -> None:
     turned_by_another(lathe)
     with patient_card(lathe) as card, console(*made.command(card.console, "--yes")[3:]) as process:
-        out, err = process.communicate(timeout=ENDS_WITHIN_S)
+        _out, err = process.communicate(timeout=ENDS_WITHIN_S)
         assert (process.returncode, f"number {ANOTHER}" in err) == (1, True)
         assert STOPS.search(heard(card)) is None
         assert is_another_s_and_turns(card)
