@@ -87,7 +87,11 @@ def _cut(
     try:
         if parts is None:
             result = recorded(
-                record, warnings, order, lambda: cut(order, data, interruption, tracing, tell), run_report.fields
+                record,
+                warnings,
+                order,
+                lambda: cut(order, data, interruption, tracing, tell, text),
+                run_report.fields,
             )
         else:
             learned = recorded(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 
 from console.session.commissioned import Commissioned
@@ -15,11 +16,15 @@ from drivers.ownership import Standing
 from profiles.problem import ProblemError
 
 
-def guard(interruption: Interruption, lathe: Lathe) -> None:
-    """Stop this machine when the command is to end, from the claim on; nothing is sent while it is another's."""
+def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:
+    """Stop this machine when the command is to end, from the claim on; nothing is sent while it is another's.
+
+    `now_s` is the time of the machine.
+    """
     ownership = lathe.ownership
     interruption.guard(
         lathe.stop,
+        now_s=now_s,
         anothers=lambda: lathe.anothers,
         changing=lambda: ownership is not None and ownership.standing is Standing.CHANGING,
     )
@@ -74,6 +79,8 @@ def _switched_off(lathe: Lathe) -> bool:
             lathe.switch_off()
             return True
     lathe.stop.kill("end")
+    if lathe.stop.given_up:  # it was waited for as long as that makes sense, and does not become more likely by it
+        return False
     try:
         lathe.wait_for_rest()
     except ProblemError:
