@@ -119,7 +119,7 @@ def _version(as_json: bool) -> int:
 def _interrupted(interrupted: KeyboardInterrupt, text: Catalogue | None) -> int:
     signal = str(interrupted) or "SIGINT"
     if text is None:  # it came before there were any words to choose from
-        return _complain(f"ended by {signal}; nothing was moving")
+        return _complain(f"ended by {signal}; this command was not moving anything")
     _flushed(FAILED, text)
     return _complain(text("error.interrupted", signal=signal))
 

@@ -25,7 +25,8 @@ def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[
 
     After control-K every loop must be open as well, and a spindle may take its time to run out. A look that fails
     is no proof: the stop goes out again, and the next look is tried. So is a stop that somebody sends meanwhile:
-    the proof begins anew. `end_guard` tells the card that nothing is guarded any more; it must not raise.
+    the proof begins anew. `end_guard` tells the card that nothing is guarded any more; it must not raise. Who has
+    to end this process waits no longer than until `leave_by_s` of the stop.
 
     Raises:
         DriverError: `machine.not_at_rest`.
@@ -34,10 +35,14 @@ def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[
     began_s = clock.now_s()
     before: Snapshot | None = None
     mark, looks_at_rest = stop.mark, 0
-    while clock.now_s() - began_s < _timeout_s(stop):
+    while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
         if stop.mark != mark:
             mark, looks_at_rest = stop.mark, 0
-        snapshot = _look(looks)
+        try:
+            snapshot = _look(looks)
+        except DriverError:
+            stop.given_up = True
+            raise
         if snapshot is not None:
             end_guard()
         proven = snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not stop.killed)
@@ -52,7 +57,10 @@ def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[
         before = snapshot
         if snapshot is not None:
             clock.wait(STOP_REPEAT_S)
-    raise DriverError(Problem(code="machine.not_at_rest", value=f"{_timeout_s(stop):g} s"))
+    now_s = clock.now_s()
+    stop.given_up = stop.killed or now_s >= stop.leave_by_s
+    waited_s = min(now_s - began_s, _timeout_s(stop))
+    raise DriverError(Problem(code="machine.not_at_rest", value=f"{waited_s:.0f} s"))
 
 
 def _timeout_s(stop: StopPath) -> float:

@@ -7,6 +7,8 @@ the ones with hands in the machine among them, the stop is control-K, which open
 
 from __future__ import annotations
 
+import math
+
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.link.base import Link, StopWay
 from profiles.problem import Problem
@@ -34,6 +36,9 @@ class StopPath:
     starts as False, because nothing is known yet. `hands_in` is latched by whoever lets hands into the machine:
     until it is taken back every stop is a control-K, whatever the drives are said to be. `delivered` is whether
     the link took the last stop.
+
+    `leave_by_s` is set by whoever has to end this process, in machine time: rest is not waited for beyond it.
+    `given_up` is whether rest was waited for in vain, as long as it may take behind a control-K or until then.
     """
 
     def __init__(self, link: Link) -> None:
@@ -45,6 +50,8 @@ class StopPath:
         self._begun: list[str] = []
         self._sent: list[None] = []
         self.delivered = True
+        self.leave_by_s = math.inf
+        self.given_up = False
         self._killed_at = 0
         self._proven = 0
         self._released = 0
@@ -66,6 +73,11 @@ class StopPath:
         return self._killed_at > self._released
 
     @property
+    def count(self) -> int:
+        """How many stops have gone out."""
+        return len(self._sent)
+
+    @property
     def mark(self) -> int | None:
         """How many stops were sent, None while one is on its way."""
         sent = len(self._sent)
@@ -80,6 +92,11 @@ class StopPath:
         """Send the stop now. Safe in a signal handler and from any thread; never raises."""
         self._send(reason, kill=False)
 
+    def note(self, reason: str) -> None:
+        """Let nothing that moves go out any more, and send nothing: it is not known yet whose the machine is."""
+        self._begun.append(reason)
+        self._sent.append(None)
+
     def kill(self, reason: str) -> None:
         """Open every loop now; the spindle coasts."""
         self._send(reason, kill=True)
@@ -91,6 +108,7 @@ class StopPath:
     def rest_proven(self, mark: int) -> None:
         """Take note that every look since `mark` found the machine at rest."""
         self._proven = mark
+        self.given_up = False
 
     def release(self) -> None:
         """Go on after a stop; does nothing when none is in force. A stop that comes meanwhile stays in force.

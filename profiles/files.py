@@ -12,6 +12,7 @@ import os
 import secrets
 import stat
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,9 @@ TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
 TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
+
+PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
+"""Permissions of what is nobody's but its owner's."""
 
 
 def printable(text: str, most_characters: int = 200) -> str:
@@ -86,19 +90,45 @@ def read_toml(path: Path) -> tuple[bytes, dict[str, Any]]:
     return content, parse_toml(content, printable(str(path)))
 
 
-def write_atomically(path: Path, content: bytes, *, overwrite: bool) -> None:
+def make_private_folder(folder: Path) -> None:
+    """Make a folder, and those above it, for its owner alone, whatever the umask; what is there stays as it is.
+
+    Raises `OSError`.
+    """
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    for each in reversed(missing):
+        with suppress(FileExistsError):  # somebody else was quicker; if it is no folder, that is found out below
+            os.mkdir(each, PRIVATE_FOLDER)
+            os.chmod(each, PRIVATE_FOLDER)
+    folder.mkdir(exist_ok=True)
+
+
+def make_private_file(path: Path) -> None:
+    """Make an empty file for its owner alone, whatever the umask; one that is there stays as it is.
+
+    Raises `OSError`.
+    """
+    with suppress(FileExistsError):
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, PRIVATE_FILE)
+        os.fchmod(descriptor, PRIVATE_FILE)
+        os.close(descriptor)
+
+
+def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bool = False) -> None:
     """Put `content` under `path` in one step, through a synchronised temporary file beside it.
 
-    A symbolic link is followed, so the link stays. Raises `ProfileError` with `file.exists` (and
-    `overwrite` is false) or `file.not_writable`.
+    A `private` file is its owner's alone, whatever the umask. A symbolic link is followed, so the link stays.
+    Raises `ProfileError` with `file.exists` (and `overwrite` is false) or `file.not_writable`.
     """
     where = printable(str(path))
     temporary: Path | None = None
     try:
         target = path.resolve()
         beside = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-        mode = _mode_of_existing(target)
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        existing = _mode_of_existing(target)
+        mode = PRIVATE_FILE if private else existing
+        made = PRIVATE_FILE if private else 0o666
+        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, made)
         temporary = beside
         with os.fdopen(descriptor, "wb") as file:
             if mode is not None:

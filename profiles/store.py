@@ -80,8 +80,8 @@ def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachi
     return LoadedMachine(machine=machine, path=path, sha256=hashlib.sha256(content).hexdigest())
 
 
-def save_job(job: Job, path: Path, *, overwrite: bool = False) -> None:
-    """Write `job` to `path` in one step.
+def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = False) -> None:
+    """Write `job` to `path` in one step, `private` for its owner alone.
 
     With `overwrite`, comments and layout of a readable job file that stands there are kept. Raises
     `ProfileError` with the problems of the job itself, `file.exists`, `file.bundled` or `file.not_writable`.
@@ -96,7 +96,7 @@ def save_job(job: Job, path: Path, *, overwrite: bool = False) -> None:
     if bundled:
         raise ProfileError(Problem(code="file.bundled", where=where))
     content = _job_text(values, path if overwrite else None).encode("utf-8")
-    write_atomically(path, content, overwrite=overwrite)
+    write_atomically(path, content, overwrite=overwrite, private=private)
 
 
 def _entries(bundled_folder: Path, user_folder: Path | None) -> tuple[LibraryEntry, ...]:

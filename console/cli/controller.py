@@ -12,6 +12,8 @@ from console.cli.check_lines import check_fields, check_lines, summary
 from console.cli.library import data_of, refuse_unsigned
 from console.cli.output import print_json
 from console.cli.signature_checks import signature_checks
+from console.session.kept_files import make_folder
+from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.errors import RefusedError
 from drivers.ownership import Ownership
@@ -26,7 +28,7 @@ from drivers.pmac.configuration.judged import Judged
 from drivers.pmac.configuration.reading import read_configuration, whole_card
 from drivers.pmac.configuration.verification import in_order, read_of_machine, verify
 from profiles.files import printable, read_regular_file, write_atomically
-from profiles.problem import Problem, ProfileError
+from profiles.problem import Problem
 
 BACKUP_FOLDER = "backups"
 
@@ -113,14 +115,9 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
     backup = _backup_path(options, card) if writes and options.yes else None
     if backup is not None:
         refuse_unready(card.client, card.dialect)
-        _make_folder(backup.parent)
-        _written(card, backup)
-        ownership = Ownership(card.client)
-        ownership.claim()
-        try:
-            apply(card.client, card.dialect, writes)
-        finally:
-            ownership.release()
+        make_folder(backup.parent)
+        _written(card, backup, private=True)
+        _apply_whole(card, writes)
     if options.json:
         lines = [{"line": write.line, "found": write.found} for write in writes]
         file = None if backup is None else str(backup)
@@ -128,6 +125,23 @@ def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
     else:
         print("\n".join([head(card, text), *_applied(writes, backup, text)]))
     return 0
+
+
+def _apply_whole(card: Card, writes: tuple[Write, ...]) -> None:
+    """Write everything as the one who controls the machine; a signal ends the command once it is given back.
+
+    Raises:
+        DriverError: another console controls it; the controller refuses a line; the link broke.
+    """
+    interruption = Interruption()
+    interruption.install()
+    ownership = Ownership(card.client)
+    with interruption.holding():
+        try:
+            ownership.claim()
+            apply(card.client, card.dialect, writes)
+        finally:
+            ownership.release()
 
 
 def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) -> list[str]:
@@ -145,21 +159,8 @@ def _backup_path(options: Namespace, card: Card) -> Path:
     return data_of(options) / BACKUP_FOLDER / f"{card.machine.name}-{stamp}.pmac"
 
 
-def _make_folder(folder: Path) -> None:
-    """Make the folder of the backups.
-
-    Raises:
-        ProfileError: `file.not_writable`.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        where, value = printable(str(folder)), error.strerror or str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
-
-
-def _written(card: Card, path: Path) -> Configuration:
-    """Read the whole controller and write it down; an existing file stays as it is.
+def _written(card: Card, path: Path, *, private: bool = False) -> Configuration:
+    """Read the whole controller and write it down, `private` for its owner alone; an existing file stays as it is.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`.
@@ -167,7 +168,7 @@ def _written(card: Card, path: Path) -> Configuration:
     """
     configuration = read_configuration(card.client, card.dialect, whole_card(card.dialect))
     date = datetime.now().astimezone().isoformat(timespec="seconds")
-    write_atomically(path, backup_text(configuration, date).encode("utf-8"), overwrite=False)
+    write_atomically(path, backup_text(configuration, date).encode("utf-8"), overwrite=False, private=private)
     return configuration
 
 

@@ -13,10 +13,11 @@ from console.cli.controller import head, identity
 from console.cli.output import print_json
 from console.cli.signature_checks import signature_checks
 from console.cli.stop_checks import keep_stops, stop_checks
+from console.cli.stopping import Stopping
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.errors import DriverError
-from drivers.ownership import Ownership
+from drivers.ownership import Ownership, Standing
 from drivers.pmac.configuration.check import Check, Outcome, worst
 from drivers.pmac.configuration.proofs.bench import names_of, unproven
 from drivers.pmac.configuration.verification import Verification, in_order, verify
@@ -31,7 +32,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         moves = asked and agreed(options, card.machine.name, card.simulated, text, "doctor")
         if moves and not card.simulated:
             verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken its time
-        proofs = _proven(options, card, verification) if moves else unproven(names_of(card.machine))
+        proofs = _proven(options, card, verification, text) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
     checks = in_order([*verification.checks, *unsigned, *stops, *proofs])
     if options.json:
@@ -43,20 +44,26 @@ def main(options: Namespace, text: Catalogue) -> int:
     return 1 if refused or worst(checks) is Outcome.FAILS else 0
 
 
-def _proven(options: Namespace, card: Card, verification: Verification) -> tuple[Check, ...]:
+def _proven(options: Namespace, card: Card, verification: Verification, text: Catalogue) -> tuple[Check, ...]:
     """Prove as the one who controls the machine, with every signal that would end the command as a stop."""
     # What gathers loads numerics; nobody waits for them who proves nothing.
     from drivers.pmac.configuration.proofs.proving import prove
 
     interruption = Interruption()
-    interruption.install()
-    interruption.guard(card.stop)
     ownership = Ownership(card.client)
-    ownership.claim()
-    try:
-        proven = prove(card.client, card.stop, card.clock, verification, ownership.number)
-    finally:
-        with suppress(DriverError):
-            ownership.release()
+    interruption.guard(
+        card.stop,
+        anothers=lambda: ownership.standing is not Standing.OWNER,
+        changing=lambda: ownership.standing is Standing.CHANGING,
+    )
+    interruption.install()
+    # Stops are measured here, so that nobody may repeat them; only the end of the process is seen to.
+    with Stopping(interruption, text).watching(card.stop, ends_only=True):
+        try:
+            ownership.claim()
+            proven = prove(card.client, card.stop, card.clock, verification, ownership.number, ownership.see)
+        finally:
+            with suppress(DriverError):
+                ownership.release()
     keep_stops(options, card, proven, date.today())
     return proven.checks

@@ -46,6 +46,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.output import print_json
     from console.cli.warn import tell
     from console.session.identified import store
+    from console.session.machine_run import guard
     from drivers.link.tracing import Tracing
 
     machine = machine_of(options)
@@ -53,10 +54,10 @@ def main(options: Namespace, text: Catalogue) -> int:
     teller = Teller(machine.machine, request, text, silent=options.json, interruption=interruption)
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"identify {machine.machine.name}")
     try:
-        with _reached(options, machine, interruption, tracing) as (rig, owning, simulated):
+        with _reached(options, machine, interruption, tracing, text) as (rig, owning, simulated):
+            guard(interruption, rig.lathe, rig.clock.now_s)
             if not simulated and not _agreed(options, rig, text):
                 return 1
-            interruption.guard(rig.lathe.stop)
             identified = _identified(rig, owning, simulated, request, teller)
     finally:
         tell(tracing.problems, text)
@@ -96,14 +97,17 @@ def _request(options: Namespace, machine: LoadedMachine) -> IdentificationReques
 
 @contextmanager
 def _reached(
-    options: Namespace, machine: LoadedMachine, interruption: Interruption, tracing: Tracing
+    options: Namespace, machine: LoadedMachine, interruption: Interruption, tracing: Tracing, text: Catalogue
 ) -> Iterator[tuple[Rig, Owning | None, bool]]:
     """Reach the machine: one in memory with --sim, else the one at the address that somebody says.
+
+    Of the latter it is said on stderr how a stop goes.
 
     Raises:
         ProblemError: nobody says, or nothing can be reached there.
     """
     from console.cli.library import data_of
+    from console.cli.stopping import Stopping
     from console.session.reaching import reach
     from console.session.whereabouts import address_of
     from drivers.identification.rig import Rig
@@ -112,10 +116,12 @@ def _reached(
         yield _in_memory(options, machine, interruption, tracing), None, True
         return
     address = address_of(machine.machine, options.link, simulated=False)
-    reached = reach(machine, address, data_of(options), tracing)
+    stopping = Stopping(interruption, text)
+    reached = reach(machine, address, data_of(options), tracing, stopping.seen)
     try:
         rig = Rig(client=reached.client, lathe=reached.lathe, clock=reached.clock)
-        yield rig, reached.owning, reached.simulated
+        with stopping.watching(reached.stop):
+            yield rig, reached.owning, reached.simulated
     finally:
         reached.close()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,9 +87,8 @@ def _cut(
     tell = _teller(options, text, interruption, record.add, order)
     try:
         if parts is None:
-            result = recorded(
-                record, warnings, order, lambda: cut(order, data, interruption, tracing, tell), run_report.fields
-            )
+            there = partial(cut, order, data, interruption, tracing, tell, text)
+            result = recorded(record, warnings, order, there, run_report.fields)
         else:
             learned = recorded(
                 record,

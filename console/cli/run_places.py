@@ -6,14 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 from console.cli.run_order import RunOrder
+from console.cli.stopping import Stopping
 from console.session.commissioned import Commissioned
 from console.session.errors import SessionError
 from console.session.learning import LearnResult, learn
-from console.session.machine_run import leave, machine_shop
-from console.session.reaching import reach
+from console.session.machine_run import guard, leave, machine_shop
+from console.session.reaching import Reached, reach
 from console.session.run import RunResult, run, run_once
 from console.session.sequence import Shop, Step
 from console.session.signals import Interruption
+from console.text.catalogue import Catalogue
 from drivers.heartbeat import Heartbeat
 from drivers.lathe import Lathe
 from drivers.link.address import LinkAddress
@@ -42,7 +44,9 @@ def cut_learning(
     return learn(order.plan, open_shop, tell, parts)
 
 
-def cut(order: RunOrder, data: Path, interruption: Interruption, tracing: Tracing, tell: Tell) -> RunResult:
+def cut(
+    order: RunOrder, data: Path, interruption: Interruption, tracing: Tracing, tell: Tell, text: Catalogue
+) -> RunResult:
     """Cut what was ordered, where it was ordered.
 
     Raises:
@@ -50,16 +54,31 @@ def cut(order: RunOrder, data: Path, interruption: Interruption, tracing: Tracin
     """
     if order.address is None:
         return run(order.plan, _simulated_shop(order.machine.machine, order.true, interruption, tracing), tell)
-    return _run_there(order, order.address, data, interruption, tracing, tell)
+    return _run_there(order, order.address, data, interruption, tracing, tell, text)
 
 
 def _run_there(
-    order: RunOrder, address: LinkAddress, data: Path, interruption: Interruption, tracing: Tracing, tell: Tell
+    order: RunOrder,
+    address: LinkAddress,
+    data: Path,
+    interruption: Interruption,
+    tracing: Tracing,
+    tell: Tell,
+    text: Catalogue,
 ) -> RunResult:
-    """Cut one part on a machine behind a link, and leave it with its drives off."""
-    reached = reach(order.machine, address, data, tracing)
+    """Cut one part on a machine behind a link, and leave it with its drives off; say on stderr how a stop goes."""
+    stopping = Stopping(interruption, text)
+    reached = reach(order.machine, address, data, tracing, stopping.seen)
     try:
-        interruption.guard(reached.stop)
+        guard(interruption, reached.lathe, reached.clock.now_s)
+        with stopping.watching(reached.stop):
+            return _cut_there(order, reached, data, tell)
+    finally:
+        reached.close()
+
+
+def _cut_there(order: RunOrder, reached: Reached, data: Path, tell: Tell) -> RunResult:
+    try:
         commissioned = Commissioned(
             reached.client, reached.heartbeat, order.machine.machine, data, simulated=reached.simulated
         )
@@ -70,8 +89,6 @@ def _run_there(
     except BaseException:
         leave(reached.lathe, reached.owning)
         raise
-    finally:
-        reached.close()
 
 
 def _simulated_shop(

@@ -103,7 +103,7 @@ def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
     while (folder / f"{name}-{number}.toml").exists():
         number += 1
     path = folder / f"{name}-{number}.toml"
-    save_job(copy_of(job, path.stem, loaded.job.name), path)
+    save_job(copy_of(job, path.stem, loaded.job.name), path, private=True)
     return load_job(str(path))
 
 

@@ -2,18 +2,26 @@
 
 The kernel lets go of the lock when its process dies, so a lock that can be taken says that whoever held it is
 gone; the number that it left tells whether the controller is still held by that one.
+
+What stands there may have been put there by somebody else: nothing is opened through a symbolic link, and nothing
+is written to what is no plain file of this user alone.
 """
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
+import stat
 from contextlib import suppress
 from pathlib import Path
 
 from console.session.errors import SessionError
+from profiles.files import make_private_file, make_private_folder
 from profiles.problem import Problem
+
+FOREIGN = "not a plain file of this user"
 
 
 class ConsoleLock:
@@ -46,8 +54,7 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
     place = address.rpartition("?")[0] or address
     path = data / "locks" / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', place)}.lock"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        descriptor = _opened(path)
     except OSError as error:
         raise _unwritable(path, error) from error
     try:
@@ -59,6 +66,25 @@ def take_lock(data: Path, address: str) -> ConsoleLock | None:
         os.close(descriptor)
         raise _unwritable(path, error) from error
     return ConsoleLock(descriptor, _number(os.pread(descriptor, 32, 0)))
+
+
+def _opened(path: Path) -> int:
+    """Open the file of a lock, made where it is missing; nothing in it is changed.
+
+    Raises:
+        OSError: it cannot be opened, or is nothing that this user alone has made.
+    """
+    make_private_folder(path.parent)
+    if path.parent.is_symlink() or path.is_symlink():
+        raise OSError(errno.ELOOP, FOREIGN)
+    make_private_file(path)
+    # Not blocking: a pipe that somebody has put there would be waited for.
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode) or status.st_uid != os.geteuid() or status.st_nlink > 1:
+        os.close(descriptor)
+        raise OSError(errno.EPERM, FOREIGN)
+    return descriptor
 
 
 def _unwritable(path: Path, error: OSError) -> SessionError:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from profiles.files import printable, read_regular_file, write_atomically
+from profiles.files import make_private_folder, printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 
 CAP_BYTES = 1_000_000
@@ -25,13 +25,13 @@ def stamp(date: str) -> str:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder where it is missing.
+    """Make a folder where it is missing, for its owner alone.
 
     Raises:
         ProfileError: `file.not_writable`.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_private_folder(folder)
     except OSError as error:
         where, value = printable(str(folder)), error.strerror or str(error)
         raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
@@ -45,7 +45,7 @@ def keep(path: Path, table: Mapping[str, Any]) -> None:
     """
     make_folder(path.parent)
     content = json.dumps(table, ensure_ascii=False, allow_nan=False, indent=2)
-    write_atomically(path, f"{content}\n".encode(), overwrite=False)
+    write_atomically(path, f"{content}\n".encode(), overwrite=False, private=True)
 
 
 def kept(file: Path, code: str) -> Any:

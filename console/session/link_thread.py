@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from console.session.alarms import Priority, raised
+from console.session.signals import LEAVE_WITHIN_S
 from console.session.state import IDLE, Activity, StationState
 from drivers.stop import StopPath
 from profiles.problem import Problem, ProblemError
@@ -129,6 +130,9 @@ class LinkThread:
         # A signal may come between an order and its beginning, where nothing is known of it yet.
         state = self.state
         concerned = state.controls and (must_leave or state.may_move or state.activity not in IDLE)
+        if self._opened is not None and must_leave:
+            stop = self._opened.stop
+            stop.leave_by_s = min(stop.leave_by_s, self.now_s() + LEAVE_WITHIN_S)
         if self._opened is not None and concerned:
             self._opened.stop.stop(reason)
         self._wake.put(None)
@@ -166,7 +170,8 @@ class LinkThread:
             station.close(self._ending)
             self._at_rest = station.state.activity is not Activity.LOST
         except BaseException:
-            opened.stop.kill("fault")
+            if station.state.controls:  # else it moves for somebody else
+                opened.stop.kill("fault")
             raise
         finally:
             opened.close()

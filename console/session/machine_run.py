@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 
 from console.session.commissioned import Commissioned
@@ -9,9 +10,24 @@ from console.session.interlocks import Interlock, refuse_unless
 from console.session.owning import Owning
 from console.session.reaching import Reached
 from console.session.sequence import Shop
+from console.session.signals import Interruption
 from drivers.lathe import Lathe
 from drivers.ownership import Standing
 from profiles.problem import ProblemError
+
+
+def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:
+    """Stop this machine when the command is to end, from the claim on; nothing is sent while it is another's.
+
+    `now_s` is the time of the machine.
+    """
+    ownership = lathe.ownership
+    interruption.guard(
+        lathe.stop,
+        now_s=now_s,
+        anothers=lambda: lathe.anothers,
+        changing=lambda: ownership is not None and ownership.standing is Standing.CHANGING,
+    )
 
 
 def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
@@ -63,6 +79,8 @@ def _switched_off(lathe: Lathe) -> bool:
             lathe.switch_off()
             return True
     lathe.stop.kill("end")
+    if lathe.stop.given_up:  # it was waited for as long as that makes sense, and does not become more likely by it
+        return False
     try:
         lathe.wait_for_rest()
     except ProblemError:

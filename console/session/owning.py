@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -11,6 +12,7 @@ from console.session.console_lock import ConsoleLock
 from drivers.errors import RefusedError
 from drivers.lathe import Lathe
 from drivers.ownership import NOBODY
+from profiles.files import make_private_file, make_private_folder
 from profiles.problem import Problem
 
 LOG_NAME = "ownership.log"
@@ -90,6 +92,8 @@ class Owning:
         number = NOBODY if self._lathe.ownership is None else self._lathe.ownership.number
         at = datetime.now(UTC).isoformat(timespec="seconds")
         with suppress(OSError):
-            self._data.mkdir(parents=True, exist_ok=True)
-            with (self._data / LOG_NAME).open("a", encoding="utf-8") as log:
+            make_private_folder(self._data)
+            make_private_file(self._data / LOG_NAME)
+            descriptor = os.open(self._data / LOG_NAME, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC)
+            with open(descriptor, "a", encoding="utf-8") as log:
                 log.write(f"{at} {self._address} {what}: console {before} -> console {number}\n")

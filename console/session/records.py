@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from console.session.errors import SessionError
+from profiles.files import make_private_file, make_private_folder
 from profiles.problem import Problem
 
 FILE_NAME = "records.sqlite3"
@@ -49,7 +50,8 @@ class RunRecord:
         self.run_id = uuid.uuid4().hex
         self._count = 0
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            make_private_folder(folder)
+            make_private_file(self._path)  # the files beside it become like it
             self._database = sqlite3.connect(self._path, timeout=LOCK_TIMEOUT_S)
             self._database.execute("PRAGMA journal_mode=WAL")
             self._database.executescript(_SCHEMA)

@@ -175,10 +175,12 @@ class Station:
                 lathe.stop.stop(reason)
                 self._settle()
             lathe.stop.kill(reason)
-            self._settle()
-            with suppress(ProblemError):
-                put_back(place)
-        place.owning.release()
+            if not lathe.stop.given_up:
+                self._settle()
+                with suppress(ProblemError):
+                    put_back(place)
+        if not lathe.stop.given_up:  # a machine that is left in doubt stays ours: whoever comes next looks at it
+            place.owning.release()
         place.end_record()
 
     def _may_be_on(self) -> bool:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from console.session.kept_files import make_folder
 from drivers.errors import DriverError
 from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
@@ -50,13 +51,9 @@ def store(data: Path, machine: MachineProfile, record: StopRecord) -> Path:
     """
     path = record_path(data, machine)
     values = {"schema": SCHEMA, **asdict(record), "measured_at": record.measured_at.isoformat()}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        where, value = printable(str(path.parent)), error.strerror or str(error)
-        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+    make_folder(path.parent)
     text = json.dumps(values, ensure_ascii=False, indent=1)
-    write_atomically(path, f"{text}\n".encode(), overwrite=True)
+    write_atomically(path, f"{text}\n".encode(), overwrite=True, private=True)
     return path
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from console.session.kept_files import make_folder
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.job import JOB_FIELDS, Job, copy_of
 from profiles.lobe_conditions import kept_condition
@@ -120,12 +121,8 @@ def saved_as(work: Work, name: str, folder: Path) -> Work:
         ProfileError: `file.exists`, `file.not_writable`, and the problems of the job; the work stays as it is.
     """
     path = folder / f"{name}.toml"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        problem = Problem(code="file.not_writable", where=str(folder), value=error.strerror or str(error))
-        raise ProfileError(problem) from error
-    save_job(copy_of(work.job, name, work.loaded.job.name), path)
+    make_folder(folder)
+    save_job(copy_of(work.job, name, work.loaded.job.name), path, private=True)
     fresh = opened(load_job(str(path)), work.machine)
     return replace(fresh, strategy=work.strategy, stage=work.stage)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
+import time
 from argparse import Namespace
 from contextlib import suppress
 from pathlib import Path
@@ -33,6 +35,11 @@ QUIET_S = 2.0
 
 COAST_LIMIT_S = 75.0
 """How long a machine may take to be proven at rest after the screen is gone."""
+
+ENDING_LIMIT_S = 8.0
+"""The same behind a signal: whoever supervises this process kills it after ten seconds."""
+
+WAIT_S = 0.1
 
 
 SWITCH_INTERVAL_S = 0.0005
@@ -95,6 +102,7 @@ class _Ending:
 
     def __init__(self, link: LinkThread, app: ConsoleApp) -> None:
         self.reason: str | None = None
+        self.came_s = math.inf
         self._link, self._app = link, app
         self._handling = False
 
@@ -111,7 +119,8 @@ class _Ending:
         if self._handling:
             return  # one that comes in the middle of this has nothing to add, and a row of them would pile up
         self._handling = True
-        self.reason = self.reason or signal.Signals(number).name
+        if self.reason is None:
+            self.reason, self.came_s = signal.Signals(number).name, time.monotonic()
         self._link.end(self.reason, must_leave=True)
         with suppress(RuntimeError):  # the screen has been left already, and its loop is closed
             self._app.leave_soon()
@@ -121,9 +130,14 @@ class _Ending:
 def _leave(link: LinkThread, ending: _Ending, text: Catalogue) -> None:
     """Leave the machine at rest; say that this takes a moment where it does, and how it ended."""
     link.end(ending.reason or "quit")
-    if not link.join(QUIET_S):
-        _say(text("leave.waiting"))
-        link.join(COAST_LIMIT_S)
+    began_s, said = time.monotonic(), False
+    while not link.join(WAIT_S):
+        now_s = time.monotonic()
+        if now_s > min(began_s + COAST_LIMIT_S, ending.came_s + ENDING_LIMIT_S):
+            break
+        if not said and now_s > began_s + QUIET_S:
+            said = True
+            _say(text("leave.waiting"))
     ending.ignore()
     if ending.reason is not None:
         _say(text("leave.ended_at_rest" if link.rested else "leave.ended", reason=ending.reason))

@@ -14,10 +14,11 @@ from enum import StrEnum, auto
 
 from drivers.clock import Clock
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError, RefusedError
-from drivers.link.base import Link
+from drivers.link.base import GONE, Link
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import REPLY_TIMEOUT_S, Exchange
 from drivers.pmac.foreseen import foresee, number_of, settings_in
+from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.link_faults import LinkFaults
 from profiles.problem import Problem
 
@@ -30,6 +31,9 @@ HANDSHAKE = "I3=2 I6=1"
 CHECKSUMS_OFF = "I4=0"
 _MARK_MESSAGES = 64
 """The I-variable that puts a mark in front of what programs say unasked, where the family has it."""
+
+REFUSALS = frozenset((0, *ErrorCode))
+"""The error numbers that there are words for."""
 
 _VERSION = re.compile(r"\d+\.\d+")
 
@@ -163,10 +167,11 @@ class PmacClient:
             lines = foresee(line).lines
         reply = self._exchange.reply(line, timeout_s, lines)
         if reply.error_number is not None:
-            raise ControllerError(
-                Problem(code=f"controller.err{reply.error_number:03d}", where=self.link.address, value=line),
-                error_number=reply.error_number,
-            )
+            number, where = reply.error_number, self.link.address
+            problem = Problem(code="controller.err_other", where=where, key=f"ERR{number:03d}", value=line)
+            if number in REFUSALS:
+                problem = Problem(code=f"controller.err{number:03d}", where=where, value=line)
+            raise ControllerError(problem, error_number=number)
         return reply.lines
 
     def query(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[str, ...]:
@@ -197,8 +202,10 @@ class PmacClient:
             raise RefusedError(Problem(code="controller.not_a_question", where=where, value=line[:40]))
         try:
             return self.request(line, timeout_s, lines=lines)
-        except LinkError:
-            self._exchange.resynchronise(timeout_s)  # over a link that is gone, this tells so
+        except LinkError as error:
+            if any(problem.code in GONE for problem in error.problems):
+                raise
+            self._exchange.resynchronise(timeout_s)
         return self.request(line, timeout_s, lines=lines)
 
     def numbers(self, *items: str, timeout_s: float = REPLY_TIMEOUT_S, again: bool = False) -> tuple[float, ...]:

@@ -24,6 +24,15 @@ REPLY_TIMEOUT_S = 2.0
 QUIET_S = 0.06
 """So long nothing comes in the middle of a reply that is on its way."""
 
+SILENCE_S, SLOWEST_BYTES_S = 5.0, 100.0
+"""A long reply may take its time while it comes: so long without a byte, no slower than a line of 1200 baud.
+
+A controller begins to list at once. One that has fallen silent, or that gives a byte now and then, is given up.
+"""
+
+LONGEST_BYTES = 1_000_000
+"""More than any buffer of a controller lists."""
+
 DRAIN_LIMIT_S = 2.0
 """After this something that talks without end is no controller; the next reply will show it."""
 
@@ -69,9 +78,9 @@ class Exchange:
         self.in_step = False
         self.resynchronise()
 
-    def drain(self) -> None:
-        """Read until the line has been quiet, and forget what came."""
-        deadline = self._clock.now_s() + DRAIN_LIMIT_S
+    def drain(self, limit_s: float = DRAIN_LIMIT_S) -> None:
+        """Read until the line has been quiet, and forget what came; no longer than who waits has time."""
+        deadline = self._clock.now_s() + min(limit_s, DRAIN_LIMIT_S)
         while self.link.receive(QUIET_S) and self._clock.now_s() < deadline:
             pass
         self._reader.clear()
@@ -86,9 +95,9 @@ class Exchange:
             LinkError: the link broke; or those of `resynchronise`, and the line was not sent.
         """
         if self._in_flight is not None:
-            self._lose_step(FaultKind.ABANDONED, self._in_flight)
+            self._lose_step(FaultKind.ABANDONED, self._in_flight, timeout_s)
         elif self._unasked():
-            self._lose_step(FaultKind.UNASKED, "")
+            self._lose_step(FaultKind.UNASKED, "", timeout_s)
         if not self.in_step:
             self.resynchronise(timeout_s)
         check()
@@ -131,12 +140,15 @@ class Exchange:
     def resynchronise(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
         """Find out that link and card are in step again, and make the settings again; close what may be open.
 
+        It takes no longer than `REPLY_TIMEOUT_S`, whatever a listing may take.
+
         Raises:
             LinkTimeoutError: `link.not_in_step`.
             LinkError: the link broke; or `controller.buffer_open`, somebody else's.
         """
+        timeout_s = min(timeout_s, REPLY_TIMEOUT_S)
         if self.in_step:
-            self._flush()
+            self._flush(timeout_s)
         self.in_step = False
         deadline, refusals = self._clock.now_s() + timeout_s, 0
         while True:
@@ -147,7 +159,7 @@ class Exchange:
                 self.in_step, self.buffer_open = True, False
                 return
             refusals += reply is not None and reply.error_number is not None
-            self._flush()
+            self._flush(self._left(deadline))
             if refusals > 1:  # one may have been the error of a program
                 raise LinkError(Problem(code="controller.buffer_open", where=self.link.address))
             if self._left(deadline) <= 0.0:
@@ -175,7 +187,7 @@ class Exchange:
         """
         if not self._settings or self._was_open:
             return  # in an open buffer the marker would become a line of the program
-        reply = self._marked("", timeout_s)
+        reply = self._marked("", min(timeout_s, REPLY_TIMEOUT_S))
         if reply is not None and reply.error_number is not None and not reply.lines:
             self.in_step = False  # a buffer that somebody else left open refuses the marker, too
         elif not self._is_marked(reply):
@@ -201,8 +213,11 @@ class Exchange:
             return None
 
     def _await(self, timeout_s: float) -> Reply:
-        deadline = self._clock.now_s() + timeout_s
+        began_s = last_s = self._clock.now_s()
+        count = 0
         while True:
+            end_s = began_s + min(timeout_s, SILENCE_S + count / SLOWEST_BYTES_S)
+            deadline = min(end_s, last_s + SILENCE_S)
             try:
                 reply = self._reader.take()
             except FramingError as error:
@@ -217,7 +232,12 @@ class Exchange:
             if not came and presumed is not None:
                 raise _FaultError(presumed, "BEL" if presumed is FaultKind.BARE_BELL else "LF", "ACK | BEL ERRnnn")
             if not came and self._left(deadline) <= 0.0:
-                raise _FaultError(FaultKind.SILENT if self._reader.empty else FaultKind.UNFINISHED)
+                kind = FaultKind.SILENT if self._reader.empty else FaultKind.UNFINISHED
+                raise _FaultError(kind, f"{deadline - began_s:.3g} s")
+            if came:
+                last_s, count = self._clock.now_s(), count + len(came)
+            if count > LONGEST_BYTES:
+                raise _FaultError(FaultKind.GARBLED, f"> {LONGEST_BYTES} bytes")
             self._reader.feed(came)
 
     def _unasked(self) -> bool:
@@ -229,15 +249,15 @@ class Exchange:
             return True
         return not (self._reader.empty or self._reader.within_message)
 
-    def _lose_step(self, kind: FaultKind, line: str) -> None:
+    def _lose_step(self, kind: FaultKind, line: str, timeout_s: float) -> None:
         self.faults = self.faults.with_another(kind, self._clock.now_s(), line)
-        self._flush()
+        self._flush(timeout_s)
         self.in_step = False
 
-    def _flush(self) -> None:
+    def _flush(self, limit_s: float = DRAIN_LIMIT_S) -> None:
         self._in_flight = None
         self.link.send(FLUSH)
-        self.drain()
+        self.drain(limit_s)
 
     def _left(self, deadline: float) -> float:
         return deadline - self._clock.now_s()
@@ -250,12 +270,12 @@ class Exchange:
 
     def _fault(self, fault: _FaultError, line: str, timeout_s: float) -> LinkError:
         try:
-            self._lose_step(fault.kind, line)
+            self._lose_step(fault.kind, line, timeout_s)
         except LinkError as error:
             return self._lost(line, error)
         where, unknown = self.link.address, self._outcome(line, fault.kind)
         if fault.kind in (FaultKind.SILENT, FaultKind.UNFINISHED):
-            silent = Problem(code="link.silent", where=where, key=line, value=f"{timeout_s:g} s")
+            silent = Problem(code="link.silent", where=where, key=line, value=fault.met)
             return LinkTimeoutError(silent, *unknown)
         met = Problem(code="link.out_of_step", where=where, key=line, value=fault.met, limit=fault.allowed)
         return LinkError(met, *unknown)
@@ -268,7 +288,7 @@ class Exchange:
 
 
 class _FaultError(Exception):
-    """Something else than a reply: what kind, what was met, what is allowed."""
+    """Something else than a reply: what kind, what was met (of a silence: how long it was), what is allowed."""
 
     def __init__(self, kind: FaultKind, met: str = "", allowed: str = "") -> None:
         super().__init__(kind)

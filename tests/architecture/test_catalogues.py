@@ -25,6 +25,12 @@ NO_CODES = {"controller.variables", "simulator.ready", "key.help"}
 
 PROBLEM_FIELDS = {"where", "key", "value", "limit"}
 HIGHEST_CONTROLLER_ERROR = 19
+COMPOSED = (
+    *(f"{area}.{what}" for area in ("file", "trace", "calibration") for what in ("unreadable", "too_large")),
+    *(f"learned.{what}_changed" for what in ("job", "machine")),
+    *(f"controller.err{number:03d}" for number in range(HIGHEST_CONTROLLER_ERROR + 1)),
+)
+"""Codes that no source has in one piece."""
 
 
 @cache
@@ -93,6 +99,38 @@ def test_both_languages_use_the_same_placeholders() -> None:
     shared = english.keys() & korean.keys()
     differing = [key for key in shared if placeholders(str(english[key])) != placeholders(str(korean[key]))]
     assert sorted(differing) == []
+
+
+def given_codes() -> Iterator[tuple[str, str]]:
+    """Yield whatever stands as the code of a problem in the source: the file with its line, and the code.
+
+    Of a code that is put together there, its parts with a star for what comes in.
+    """
+    for path, tree in sources():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Problem":
+                for given in (keyword.value for keyword in node.keywords if keyword.arg == "code"):
+                    parts = given.values if isinstance(given, ast.JoinedStr) else [given]
+                    code = "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in parts)
+                    yield f"{path.relative_to(ROOT)}:{node.lineno}", code
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_no_problem_is_shown_as_its_bare_code(language: str) -> None:
+    sentences, given = problems_of(language), tuple(given_codes())
+    assert [where for where, code in given if "*" not in code and code not in sentences] == []
+    composed = {code for _, code in given if "*" in code and code != "*"}
+    assert composed == {"*.unreadable", "*.too_large", "learned.*_changed", "controller.err*"}
+    assert [code for code in COMPOSED if code not in sentences] == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_whatever_forbids_to_arm_by_the_stop_record_has_words_for_doctor_too(language: str) -> None:
+    source = (ROOT / "drivers" / "stop_record.py").read_text(encoding="utf-8")
+    codes = re.findall(r"\"stops\.(\w+)\"", source)
+    assert len(codes) > 4
+    missing = [f"check.stops_{code}" for code in codes if f"check.stops_{code}" not in catalogue(language)]
+    assert missing == []
 
 
 def test_every_problem_code_has_a_sentence() -> None:

@@ -112,3 +112,54 @@ def test_a_lock_that_cannot_be_written_is_told(tmp_path: Path, in_the_way: str) 
     (problem,) = refusal.value.problems
     assert problem.code == "lock.unwritable"
     assert os.fspath(tmp_path) in str(problem.where)
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
+def test_whatever_the_umask_the_lock_and_its_folders_are_the_users_alone(tmp_path: Path, umask: int) -> None:
+    data = tmp_path / "share" / "trilobe"
+    before = os.umask(umask)
+    try:
+        taken(data).close()
+    finally:
+        os.umask(before)
+    assert {path.stat().st_mode & 0o777 for path in (data.parent, data, data / "locks")} == {0o700}
+    assert lock_file(data).stat().st_mode & 0o777 == 0o600
+
+
+def test_the_file_of_another_user_is_refused_and_stays_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock = taken(tmp_path)
+    lock.keep(4711)
+    lock.close()
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    with pytest.raises(SessionError):
+        take_lock(tmp_path, ADDRESS)
+    assert lock_file(tmp_path).read_text(encoding="ascii") == "4711\n"
+
+
+@pytest.mark.parametrize("kind", ["symbolic link", "dangling link", "hard link", "pipe", "linked folder"])
+def test_what_somebody_has_put_in_its_place_is_refused_and_stays_as_it_is(tmp_path: Path, kind: str) -> None:
+    victim, data = tmp_path / "victim", tmp_path / "data"
+    place = data / "locks" / f"{ADDRESS.replace(':', '_')}.lock"
+    victim.write_text("what matters\n", encoding="ascii")
+    (data if kind == "linked folder" else place.parent).mkdir(parents=True)
+    match kind:
+        case "symbolic link":
+            place.symlink_to(victim)
+        case "dangling link":
+            place.symlink_to(tmp_path / "made by the lock")
+        case "hard link":
+            os.link(victim, place)
+        case "pipe":
+            os.mkfifo(place)
+        case _:
+            (tmp_path / "elsewhere").mkdir()
+            place.parent.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(SessionError) as refusal:
+        take_lock(data, ADDRESS)
+    (problem,) = refusal.value.problems
+    assert (problem.code, problem.value) == ("lock.unwritable", "not a plain file of this user")
+    assert victim.read_text(encoding="ascii") == "what matters\n"
+    assert not (tmp_path / "made by the lock").exists()
+    assert not (tmp_path / "elsewhere").exists() or list((tmp_path / "elsewhere").iterdir()) == []

@@ -243,6 +243,7 @@ def test_apply_shows_first_and_sends_when_told(console: Console, card: Commissio
     assert card.client.numbers("I130", "I115") == (528.0, 20.0)
     (backup,) = folder.iterdir()
     assert "\nI130=600\n" in backup.read_text(encoding="utf-8")
+    assert (folder.stat().st_mode & 0o777, backup.stat().st_mode & 0o777) == (0o700, 0o600)
     assert b"SAV" not in card.line.heard
 
 

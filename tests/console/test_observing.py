@@ -27,6 +27,7 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
+from console.session.link_thread import LinkThread, Opened
 from console.session.made_parts import MadeWith
 from console.session.orders import ORDERS
 from console.session.state import Activity, Armed
@@ -37,6 +38,7 @@ from drivers.snapshot import AxisName, Snapshot
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
 from tests.console.floor import experiment_1
+from tests.console.test_link_thread import SOON_S, wait_until
 
 JOB = experiment_1()
 REFUSED: tuple[Intent, ...] = (
@@ -289,3 +291,25 @@ def test_the_machine_of_an_owner_that_has_left_is_taken_at_once(owner: WithStati
     assert observer.look().holder == 0
     assert observer.do(TakeOver()).standing is Standing.OWNER
     assert observer.on_the_card == observer.number
+
+
+@pytest.mark.parametrize("who", ["observer", "owner"])
+def test_a_fault_of_the_console_itself_opens_the_loops_of_ones_own_machine_alone(
+    owner: WithStation, observer: WithStation, who: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    console = owner if who == "owner" else observer
+
+    def fails() -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(console.station, "step", fails)
+    monkeypatch.setattr(console.station, "connect", lambda: True)
+    console.hear()
+    opened = Opened(station=console.station, stop=console.stop, close=lambda: None)
+    link = LinkThread("a lathe", False, lambda: opened, give_up=lambda _: None)
+    link.start()
+    link.open()
+    wait_until(lambda: link.state.activity is Activity.LOST)
+    link.end("over")
+    assert link.join(SOON_S)
+    assert bool(set(console.hear()) & set(STOPS)) is (who == "owner")

@@ -104,6 +104,7 @@ def test_what_moves_is_stopped_when_another_console_takes_the_machine(situation:
     card.tell("P1000=5")
     verification = card.verify()
     said: list[int] = []
+    seen: list[float] = []
 
     def take() -> None:
         if not said and SITUATIONS[situation](card):
@@ -111,10 +112,11 @@ def test_what_moves_is_stopped_when_another_console_takes_the_machine(situation:
             said.append(len(card.line.heard))
 
     with pytest.raises(DriverError) as ended:
-        prove(card.client, card.stop, Watched(card.sim, take), verification, owner=5)
+        prove(card.client, card.stop, Watched(card.sim, take), verification, 5, lambda held: seen.append(held))
     assert [(p.code, p.value, p.limit) for p in ended.value.problems] == [("owner.ousted", "77", "5")]
     # Questions, one lease at most, and the stop: no motion, no setting, nothing that is put back.
     after = card.line.heard[said[0] :]
+    assert seen == [77.0], "a signal from now on stops nobody"
     assert after.endswith(b"\x0b") and after.count(b"\x0b") == 1
     assert after.count(b"=") <= 1 and b"J" not in after and b"OPEN" not in after and b"DELETE" not in after
     card.sim.wait(1.0)

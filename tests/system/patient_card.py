@@ -122,6 +122,23 @@ class PatientCard:
 
         self._in_loop(run(), PATIENCE_S)
 
+    @contextmanager
+    def hanging(self) -> Iterator[None]:
+        """Let the card neither read nor answer within, while its motors go on."""
+
+        async def begin() -> None:
+            self.lathe.faults.inject("hang")
+
+        async def end() -> None:
+            self.lathe.faults.clear()
+
+        self._in_loop(begin(), PATIENCE_S)
+        try:
+            yield
+        finally:
+            self._in_loop(end(), PATIENCE_S)
+            self.server.wait(TICK_S)
+
     def slow_background(self, cycle_ms: float) -> None:
         """Let the card have that fault from now on."""
 

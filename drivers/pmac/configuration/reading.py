@@ -30,6 +30,8 @@ MOTORS_A_LINE = 8
 SETTINGS_A_LINE = 12
 TIMEOUT_S = 10.0
 LISTING_TIMEOUT_S = 60.0
+PLC_TIMEOUT_S = 30.0
+"""A program or a table may be long; the longest PLC is listed in a third of that at 9600 baud."""
 
 PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))
 """The motion programs that are looked for: a card does not tell which numbers it has."""
@@ -258,7 +260,8 @@ class _Listings:
         """Return the text of each buffer that has one."""
         for number in numbers:
             try:
-                lines = ask_or_none(self._client, f"LIST {kind}{number}", LISTING_TIMEOUT_S)
+                timeout_s = PLC_TIMEOUT_S if kind == "PLC" else LISTING_TIMEOUT_S
+                lines = ask_or_none(self._client, f"LIST {kind}{number}", timeout_s)
             except ControllerError as error:
                 if error.error_number != ErrorCode.PASSWORD:
                     raise

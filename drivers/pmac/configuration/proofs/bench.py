@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -65,6 +65,7 @@ class ProofBench:
 
     `owner` is the number of the console that proves, None where nobody else can reach the card. Once another one
     is read, `ousted` is set: what moves by order of the bench (`moving`) is stopped, and nothing else goes out.
+    `owner_seen` is told whose it is then.
     """
 
     client: PmacClient
@@ -72,6 +73,7 @@ class ProofBench:
     clock: Clock
     judged: Judged
     owner: float | None = None
+    owner_seen: Callable[[float], None] = lambda _: None
     corrected: set[int] = field(default_factory=set)
     moving: bool = False
     ousted: bool = False
@@ -101,6 +103,7 @@ class ProofBench:
         self.ousted = True
         if self.moving:
             self.stop.stop(REASON)
+        self.owner_seen(held)
         where, value, limit = self.client.link.address, f"{held:.0f}", f"{self.owner:.0f}"
         raise DriverError(Problem(code="owner.ousted", where=where, value=value, limit=limit))
 

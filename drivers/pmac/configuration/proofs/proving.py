@@ -61,12 +61,17 @@ class Proven:
 
 
 def prove(
-    client: PmacClient, stop: StopPath, clock: Clock, verification: Verification, owner: float | None = None
+    client: PmacClient,
+    stop: StopPath,
+    clock: Clock,
+    verification: Verification,
+    owner: float | None = None,
+    owner_seen: Callable[[float], None] = lambda _: None,
 ) -> Proven:
     """Prove what a cut relies on; the drives are killed before and afterwards.
 
     `owner` is the number of the console that controls the machine, None: whoever does when it begins. When the
-    machine is another's meanwhile, what moves is stopped, and nothing else goes out.
+    machine is another's meanwhile, what moves is stopped, and nothing else goes out; `owner_seen` is told whose.
 
     Raises:
         StoppedError: somebody stopped; the drives are killed.
@@ -81,7 +86,7 @@ def prove(
         return Proven(checks=(first, *unproven(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
-    bench = ProofBench(client=client, stop=stop, clock=clock, judged=judged, owner=owner)
+    bench = ProofBench(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
     before = _before(bench)
     checks: list[Check] = []
     stops = MeasuredStops()

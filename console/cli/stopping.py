@@ -1,0 +1,137 @@
+"""What a command says on stderr while its machine is being stopped, and how it ends when nobody answers any more.
+
+A controller that has fallen silent holds up whoever asks it. So this is a thread beside the one that works the
+machine: it says each second what was tried, sends the stop again while that one waits, and ends the process in
+time.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from console.session.signals import Interruption
+from console.text.catalogue import Catalogue
+from drivers.snapshot import Snapshot
+from drivers.stop import StopPath
+
+TICK_S = 0.1
+TELL_S = 1.0
+REPEAT_S = 0.2
+SILENT_S = 1.0
+"""So long no look takes at a machine that answers; a stop in between would disturb the proof of rest."""
+
+END_WITHIN_S = 8.5
+"""How soon after a signal the process ends, whatever holds it up: who supervises it kills it after ten seconds."""
+
+FAILED = 1
+
+
+class Stopping:
+    """Watches one stop path. All its times are real, in seconds of `time.monotonic`."""
+
+    def __init__(
+        self,
+        interruption: Interruption,
+        text: Catalogue,
+        *,
+        now_s: Callable[[], float] = time.monotonic,
+        say: Callable[[str], None] | None = None,
+        give_up: Callable[[int], object] = os._exit,
+    ) -> None:
+        """`say` takes a line, `give_up` ends the process; a test may put something else there."""
+        self._interruption, self._text = interruption, text
+        self._now_s, self._say, self._give_up = now_s, say or _to_stderr, give_up
+        self._seen_s = self._sent_s = now_s()
+        self._began_s: float | None = None
+        self._first = self._count = 0
+        self._told_s = 0.0
+
+    def seen(self, _: Snapshot) -> None:
+        """Take note of an answer of the controller; from the thread that works the machine."""
+        self._seen_s = self._now_s()
+
+    @contextmanager
+    def watching(self, stop: StopPath, *, ends_only: bool = False) -> Iterator[None]:
+        """Watch beside what is done within; `ends_only` where stops are measured, which nobody must disturb."""
+        over = threading.Event()
+
+        def watch() -> None:
+            while not over.wait(TICK_S):
+                self.tick(stop, ends_only=ends_only)
+
+        threading.Thread(target=watch, name="stopping", daemon=True).start()
+        try:
+            yield
+        finally:
+            over.set()
+
+    def tick(self, stop: StopPath, *, ends_only: bool = False) -> None:
+        """Do what is due."""
+        now_s = self._now_s()
+        if stop.reason is None or stop.proven:
+            self._began_s = None
+        elif not ends_only:
+            if self._began_s is None:
+                self._begin(stop, now_s)
+            self._repeat(stop, now_s)
+            self._tell(stop, now_s)
+        hurried_s = self._interruption.hurried_s
+        if hurried_s is not None and now_s - hurried_s > END_WITHIN_S:
+            self._end(stop, now_s - hurried_s)
+
+    def _begin(self, stop: StopPath, now_s: float) -> None:
+        self._began_s = self._told_s = self._sent_s = now_s
+        self._first, self._count = stop.count - 1, stop.count
+        self._say(self._text("stopping.begun", stop=self._named(stop)))
+
+    def _repeat(self, stop: StopPath, now_s: float) -> None:
+        """Send the stop again where nobody else does; looks that come prove rest, and must not be disturbed."""
+        if stop.count != self._count:
+            self._sent_s, self._count = now_s, stop.count
+        elif now_s - self._seen_s > SILENT_S and now_s - self._sent_s >= REPEAT_S:
+            stop.repeat()
+            self._sent_s, self._count = now_s, stop.count
+
+    def _tell(self, stop: StopPath, now_s: float) -> None:
+        if now_s - self._told_s < TELL_S - 0.5 * TICK_S:
+            return
+        assert self._began_s is not None
+        self._told_s = max(self._told_s + TELL_S, now_s - TELL_S)
+        facts: dict[str, object] = {
+            "seconds": int(now_s - self._began_s),
+            "count": stop.count - self._first,
+            "stop": self._named(stop),
+        }
+        silent_s = now_s - self._seen_s
+        if not stop.delivered:
+            line = self._text("stopping.untaken", **facts)
+        elif silent_s > SILENT_S:
+            line = self._text("stopping.silent", silent=int(silent_s), **facts)
+        else:
+            line = self._text("stopping.answers", **facts)
+        self._say(line)
+
+    def _end(self, stop: StopPath, seconds: float) -> None:
+        proven = stop.proven
+        if not proven:
+            stop.repeat()
+        key = "stopping.left" if proven else "stopping.abandoned"
+        self._say(self._text(key, reason=self._interruption.reason, seconds=int(seconds)))
+        self._give_up(FAILED)
+
+    def _named(self, stop: StopPath) -> str:
+        return self._text("stopping.kill" if stop.killed else "stopping.abort")
+
+
+def _to_stderr(line: str) -> None:
+    """Write a line past everything that may hold up others there; where there is no room, it is left out."""
+    with suppress(OSError, ValueError):
+        number = sys.__stderr__.fileno() if sys.__stderr__ is not None else 2
+        if select.select([], [number], [], 0.0)[1]:
+            os.write(number, f"console: {line}\n".encode(errors="replace"))
