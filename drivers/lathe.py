@@ -81,7 +81,8 @@ class Lathe:
         self._driven = driven_axes(machine)
         items = SnapshotItems(machine, self._dialect)
         self._looks = Looks(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
-        self._sending = Sending(client, stop, self._looks, ownership)
+        forgo = heartbeat.forgo if heartbeat is not None else lambda: None
+        self._sending = Sending(client, stop, self._looks, ownership, forgo)
         self._motion = Motion(self._looks, stop, clock, heartbeat, ownership, self.hold)
         self._loading = Loading(client, machine, clock)
         self._jogs = Jogs(machine, self._looks, self._motion, stop, self._loading, self._jog)

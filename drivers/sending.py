@@ -13,11 +13,26 @@ from drivers.stop import StopPath
 from profiles.problem import Problem
 
 
+IN_PART = "link.line_in_part"
+"""Code of a line that was not received as it was sent, and of which something was carried out."""
+
+UNBROUGHT = frozenset(("link.line_differs", "link.line_unproven"))
+"""Codes of a line that the controller has not received as it was sent, and that was not carried out."""
+
+
 class Sending:
     """The way of every order to the controller. `has_moved` says whether anything that moves was ever sent."""
 
-    def __init__(self, client: PmacClient, stop: StopPath, looks: Looks, ownership: Ownership | None) -> None:
-        self.has_moved = False
+    def __init__(
+        self,
+        client: PmacClient,
+        stop: StopPath,
+        looks: Looks,
+        ownership: Ownership | None,
+        forgo: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`forgo` is told that a line was not carried out: no lease of it is kept."""
+        self.has_moved, self._forgo = False, forgo
         self._client, self._stop, self._looks, self._ownership = client, stop, looks, ownership
 
     def refuse_unless_owner(self) -> None:
@@ -64,7 +79,8 @@ class Sending:
         Raises:
             StoppedError: before or behind it.
             RefusedError: `machine.hands_in`, and those of `refuse_unless_owner` and `refuse_unsafe`; nothing was
-                sent.
+                sent. `link.line_differs`, `link.line_unproven`: nothing was carried out.
+            LinkError: the link broke; `link.line_in_part`.
         """
         self._refuse_now()
         self.refuse_unsafe()
@@ -72,16 +88,32 @@ class Sending:
             line = leased(line)  # it tells whose the machine is now, too
         self.has_moved = True
         try:
-            self._client.send(line, check=self._refuse_now)
+            self._client.send(line, check=self._refuse_now, moves=True)
             if self._stop.reason is not None:
                 self._stop.repeat()
             self._client.reply(line)
-        except LinkError:
+        except RefusedError as refused:
+            self._forgo()
+            self._refuse_stirred(line, refused)
+            raise
+        except LinkError as error:
+            if error.problems[0].code == IN_PART:
+                self._stop.stop(IN_PART)
             self._looks.in_doubt()
             raise
         if self._stop.reason is not None:
             self._stop.repeat()
         self._stop.check()
+
+    def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
+        """Stop if anything moves behind a line that was not carried out: a character of it acted by itself.
+
+        Raises:
+            LinkError: `link.line_in_part`; or the link broke.
+        """
+        if refused.problems[0].code in UNBROUGHT and self._looks.look().moving:
+            self._stop.stop(IN_PART)
+            raise LinkError(Problem(code=IN_PART, where=self._client.link.address, key=line))
 
     def _refuse_now(self) -> None:
         self._stop.check()

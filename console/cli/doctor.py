@@ -18,7 +18,8 @@ from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.errors import DriverError
 from drivers.ownership import Ownership, Standing
-from drivers.pmac.configuration.check import Check, Outcome, worst
+from drivers.pmac.checksums import LineCheck
+from drivers.pmac.configuration.check import Check, Group, Outcome, worst
 from drivers.pmac.configuration.proofs.bench import names_of, unproven
 from drivers.pmac.configuration.verification import Verification, in_order, verify
 
@@ -34,7 +35,7 @@ def main(options: Namespace, text: Catalogue) -> int:
             verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken its time
         proofs = _proven(options, card, verification, text) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
-    checks = in_order([*verification.checks, *unsigned, *stops, *proofs])
+    checks = in_order([*verification.checks, _arrival_check(card.client.line_check), *unsigned, *stops, *proofs])
     if options.json:
         print_json({**identity(card), "checks": check_fields(checks, text)})
     else:
@@ -42,6 +43,13 @@ def main(options: Namespace, text: Catalogue) -> int:
         print("\n".join(lines))
     refused = options.prove and not moves
     return 1 if refused or worst(checks) is Outcome.FAILS else 0
+
+
+def _arrival_check(line_check: LineCheck) -> Check:
+    """Return who sees that a line that moves something arrives as it was sent."""
+    code = "network_checksums" if line_check is LineCheck.NETWORK else "line_checksums"
+    outcome = Outcome.WARNED if line_check is LineCheck.NOBODY else Outcome.HOLDS
+    return Check(group=Group.CARD, code=code, outcome=outcome)
 
 
 def _proven(options: Namespace, card: Card, verification: Verification, text: Catalogue) -> tuple[Check, ...]:

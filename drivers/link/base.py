@@ -35,6 +35,10 @@ class Link(Protocol):
     address: str
 
     @property
+    def checks_bytes(self) -> bool:
+        """Whether what arrives is what was sent, or nothing: all the way to the controller has checksums."""
+
+    @property
     def stop_way(self) -> StopWay:
         """What a stop would go through now."""
 

@@ -35,6 +35,8 @@ class EthernetLink:
     obey there.
     """
 
+    checks_bytes = True
+
     def __init__(self, address: EthernetAddress) -> None:
         """Connect.
 

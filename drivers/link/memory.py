@@ -38,6 +38,7 @@ class MemoryLink:
 
     address = "memory"
     stop_way = StopWay.DIRECT
+    checks_bytes = True
 
     def __init__(self, peer: Peer, time: SimulatedTime) -> None:
         self._peer = peer

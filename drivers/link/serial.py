@@ -33,6 +33,7 @@ class SerialLink:
     """One open serial device, for this program alone."""
 
     stop_way = StopWay.DIRECT
+    checks_bytes = False
 
     def __init__(self, address: SerialAddress) -> None:
         """Open the device.

@@ -15,6 +15,8 @@ class TcpLink:
     """One connection. A control character acts in the middle of a line, too: nothing is in a stop's way."""
 
     stop_way = StopWay.DIRECT
+    checks_bytes = False
+    """A terminal server goes on with a serial line, where nothing checks them any more."""
 
     def __init__(self, address: TcpAddress) -> None:
         """Connect.

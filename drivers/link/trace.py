@@ -52,6 +52,11 @@ class TracedLink:
         return self._problem
 
     @property
+    def checks_bytes(self) -> bool:
+        """Whether what arrives is what was sent."""
+        return self._link.checks_bytes
+
+    @property
     def stop_way(self) -> StopWay:
         """What a stop would go through now."""
         return self._link.stop_way

@@ -15,6 +15,7 @@ from enum import StrEnum, auto
 from drivers.clock import Clock
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import GONE, Link
+from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import REPLY_TIMEOUT_S, Exchange
 from drivers.pmac.foreseen import foresee, number_of, settings_in
@@ -80,6 +81,13 @@ class PmacClient:
         """Whether a program buffer was opened from here and not yet proven to be closed."""
         return self._exchange.buffer_open
 
+    @property
+    def line_check(self) -> LineCheck:
+        """Who sees that a line that moves something arrives as it was sent."""
+        if self.link.checks_bytes:
+            return LineCheck.NETWORK
+        return LineCheck.NOBODY if self._exchange.checksums is None else LineCheck.CONTROLLER
+
     def connect(self) -> tuple[str, str]:
         """Empty the line, set the handshake, and return version and type as the controller states them.
 
@@ -102,6 +110,8 @@ class PmacClient:
             raise LinkError(Problem(code="link.unknown_type", where=where, value=kind[:40], limit=limit))
         marked = [f"I{_MARK_MESSAGES}=1"] if _MARK_MESSAGES in dialect.ranges else []
         exchange.prove(" ".join([HANDSHAKE, CHECKSUMS_OFF, *marked]))
+        if not self.link.checks_bytes:
+            exchange.learn_checksums()
         return version, kind
 
     def resynchronise(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
@@ -138,23 +148,33 @@ class PmacClient:
         return self.reply(line, timeout_s, lines=lines)
 
     def send(
-        self, line: str, timeout_s: float = REPLY_TIMEOUT_S, check: Callable[[], None] = lambda: None
+        self,
+        line: str,
+        timeout_s: float = REPLY_TIMEOUT_S,
+        check: Callable[[], None] = lambda: None,
+        *,
+        moves: bool = False,
     ) -> None:
         """Send one line without waiting; `reply` must follow, one line is in flight at a time.
 
         `timeout_s` is for the way back in step, where that is due. `check` is called behind it, directly before
-        the line goes out: what it raises leaves the line unsent.
+        the line goes out: what it raises leaves the line unsent. A line that `moves` is carried out only once the
+        controller has said its checksum, where the link does not check its bytes and the controller says any;
+        `check` is called again directly before it is.
 
         Raises:
             ControllerError: `controller.line_too_long`, nothing was sent.
-            LinkError: the link broke; or `link.not_in_step`, `controller.buffer_open`: nothing was sent.
+            RefusedError: `link.line_differs`, `link.line_unproven`: it arrived otherwise, or nothing says how;
+                it was not carried out.
+            LinkError: the link broke; `link.line_in_part`; or `link.not_in_step`, `controller.buffer_open`:
+                nothing was sent.
         """
         data = line.encode("latin-1")
         if len(data) > LINE_LIMIT or b"\r" in data:
             raise ControllerError(
                 Problem(code="controller.line_too_long", where=self.link.address, value=line[:40])
             )
-        self._exchange.send(line, data + b"\r", timeout_s, check)
+        self._exchange.send(line, data, timeout_s, check, summed=moves)
 
     def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
         """Return the data of the reply to `line`, which was sent before.

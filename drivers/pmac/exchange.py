@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 
 from drivers.clock import Clock
-from drivers.errors import LinkError, LinkTimeoutError
+from drivers.errors import LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
+from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_answer, shown, unmistakable
 from drivers.pmac.foreseen import foresee, opens_buffer
 from drivers.pmac.framing import FramingError, Reply, ReplyReader
 from drivers.pmac.link_faults import FaultKind, LinkFaults
 from drivers.pmac.reserved import MARKER
 from profiles.problem import Problem
 
-FLUSH = b"\x18"
+CR, FLUSH = b"\r", b"\x18"
 
 REPLY_TIMEOUT_S = 2.0
 QUIET_S = 0.06
@@ -33,6 +35,12 @@ A controller begins to list at once. One that has fallen silent, or that gives a
 LONGEST_BYTES = 1_000_000
 """More than any buffer of a controller lists."""
 
+CHECKSUM_TIMEOUT_S = 0.3
+"""How long the controller may take to say the checksum of a line; nothing was carried out yet."""
+
+CHECKSUM_TRIES = 2
+"""How often a controller is asked for one before it is said to say none."""
+
 DRAIN_LIMIT_S = 2.0
 """After this something that talks without end is no controller; the next reply will show it."""
 
@@ -46,7 +54,8 @@ _MARKERS = 8_000_000
 class Exchange:
     """Sends lines and takes their replies; any fault is counted, and the next line waits for the way back.
 
-    `faults` is replaced by reference, and may be read from any thread.
+    `faults` is replaced by reference, and may be read from any thread. `checksums` is how the controller words the
+    checksum of a line, None while it was not seen to say any.
     """
 
     def __init__(self, link: Link, clock: Clock) -> None:
@@ -55,16 +64,24 @@ class Exchange:
         self.in_step = True
         self.messages: deque[str] = deque(maxlen=MESSAGES_KEPT)
         self.buffer_open = False
+        self.checksums: ChecksumForm | None = None
         self._clock = clock
         self._reader = ReplyReader()
         self._in_flight: str | None = None
         self._was_open = False
         self._settings = ""
         self._marker = 0
+        # Whether a line that moves may lie at the controller without its end: whatever came next would be that.
+        self._begun = False
 
     def forget(self) -> None:
-        """Empty the line; from now on nothing is known about the card, and nothing is proven, until `prove`."""
-        self._settings = ""
+        """Empty the line; from now on nothing is known about the card, and nothing is proven, until `prove`.
+
+        Raises:
+            LinkError: `link.not_in_step`, a line that was begun cannot be proven to be erased; or the link broke.
+        """
+        self._erase(self._clock.now_s() + REPLY_TIMEOUT_S)
+        self._settings, self.checksums = "", None
         self._flush()
         self.in_step = True
 
@@ -78,6 +95,26 @@ class Exchange:
         self.in_step = False
         self.resynchronise()
 
+    def learn_checksums(self) -> None:
+        """Find out whether and how the controller says the checksum of a line; nothing is carried out for it.
+
+        Raises:
+            LinkError: as for `resynchronise`.
+        """
+        for _ in range(CHECKSUM_TRIES):
+            self.link.send(PROBE + ASK)
+            said, deadline = b"", self._clock.now_s() + CHECKSUM_TIMEOUT_S
+            while came := self.link.receive(QUIET_S if said else CHECKSUM_TIMEOUT_S):
+                said += came
+                if self._left(deadline) <= 0.0:
+                    break
+            self.checksums = form_of(said, PROBE)
+            self._flush()
+            if self.checksums is not None:
+                break
+        self.in_step = False
+        self.resynchronise()
+
     def drain(self, limit_s: float = DRAIN_LIMIT_S) -> None:
         """Read until the line has been quiet, and forget what came; no longer than who waits has time."""
         deadline = self._clock.now_s() + min(limit_s, DRAIN_LIMIT_S)
@@ -85,14 +122,25 @@ class Exchange:
             pass
         self._reader.clear()
 
-    def send(self, line: str, data: bytes, timeout_s: float, check: Callable[[], None] = lambda: None) -> None:
+    def send(
+        self,
+        line: str,
+        data: bytes,
+        timeout_s: float,
+        check: Callable[[], None] = lambda: None,
+        *,
+        summed: bool = False,
+    ) -> None:
         """Send a line, in step; what came unasked before is sorted out first.
 
         That may take its time. `check` is called behind it, directly before the bytes go out; what it raises keeps
-        them here.
+        them here. A line that is `summed` is ended only when the controller has said the right checksum of it, and
+        `check` is called once more directly before its end.
 
         Raises:
-            LinkError: the link broke; or those of `resynchronise`, and the line was not sent.
+            RefusedError: `link.line_differs`, `link.line_unproven`: nothing was carried out.
+            LinkError: `link.line_in_part`, its beginning may have been carried out; the link broke; or those of
+                `resynchronise`, and the line was not sent.
         """
         if self._in_flight is not None:
             self._lose_step(FaultKind.ABANDONED, self._in_flight, timeout_s)
@@ -101,11 +149,14 @@ class Exchange:
         if not self.in_step:
             self.resynchronise(timeout_s)
         check()
+        if summed and self.checksums is not None:
+            self._bring(line, unmistakable(data), self.checksums, check)
+            data = b""
         self._was_open = self.buffer_open
         self.buffer_open = self.buffer_open or opens_buffer(line) is True
         self._in_flight = line
         try:
-            self.link.send(data)
+            self.link.send(data + CR)
         except LinkError as error:
             raise self._lost(line, error) from error
 
@@ -123,7 +174,7 @@ class Exchange:
             # In front of a refusal stands what came before the command that is wrong, which may be anything.
             if accepted and lines is not None and len(reply.lines) != lines:
                 raise _FaultError(FaultKind.LINE_COUNT, str(len(reply.lines)), str(lines))
-            self._in_flight = None
+            self._in_flight, self._begun = None, False
             if not accepted:
                 self._prove_refusal(timeout_s)
         except _FaultError as fault:
@@ -151,6 +202,7 @@ class Exchange:
             self._flush(timeout_s)
         self.in_step = False
         deadline, refusals = self._clock.now_s() + timeout_s, 0
+        self._erase(deadline)
         while True:
             closed = self._closes_buffer(deadline)
             # Before anything was set there is nothing to go back to, and to know a marker of another by.
@@ -164,6 +216,87 @@ class Exchange:
                 raise LinkError(Problem(code="controller.buffer_open", where=self.link.address))
             if self._left(deadline) <= 0.0:
                 value = f"{timeout_s:g} s"
+                raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
+
+    def _bring(self, line: str, data: bytes, form: ChecksumForm, check: Callable[[], None]) -> None:
+        """Bring a line to the controller but for its end; one that must not be ended is erased there.
+
+        Raises:
+            RefusedError, LinkError: as for `send`; and what `check` raises.
+        """
+        expected, said = form.answer(data), b""
+        self._begun = True
+        try:
+            said = self._checksum_of(data, expected)
+            if said == expected:
+                check()
+                return
+        except LinkError as error:
+            raise self._lost(line, error) from error
+        except BaseException:
+            self._leave()  # a stop that comes now finds no line that anything could end
+            raise
+        raise self._not_brought(line, said, expected)
+
+    def _checksum_of(self, data: bytes, expected: bytes) -> bytes:
+        """Send characters of a line, and return what the controller says of them. Messages are kept."""
+        self.link.send(data + ASK)
+        deadline = self._clock.now_s() + CHECKSUM_TIMEOUT_S
+        while (left := self._left(deadline)) > 0.0:
+            self._reader.feed(self.link.receive(left))
+            try:
+                self.messages += self._reader.take_messages()
+            except FramingError:
+                break
+            said = self._reader.rest
+            if said and not self._reader.within_message and (said == expected or not expected.startswith(said)):
+                break
+        said = self._reader.rest
+        self._reader.clear()
+        return said
+
+    def _not_brought(self, line: str, said: bytes, expected: bytes) -> RefusedError | LinkError:
+        """Erase a line that did not arrive as it was sent; return what is to be said of it."""
+        where = self.link.address
+        problem = Problem(code="link.line_unproven", where=where, key=line, value=f"{CHECKSUM_TIMEOUT_S:g} s")
+        if said:
+            value, limit = shown(said), shown(expected)
+            problem = Problem(code="link.line_differs", where=where, key=line, value=value, limit=limit)
+        try:
+            # A checksum that looks like an answer to a line is there again: the line lies there yet.
+            if like_an_answer(said) and self._checksum_of(b"", said) != said:
+                self.faults = self.faults.with_another(FaultKind.DIFFERS, self._clock.now_s(), line)
+                self._leave()  # whatever moves now is to be stopped at once
+                return LinkError(Problem(code="link.line_in_part", where=where, key=line))
+            self._lose_step(FaultKind.DIFFERS if said else FaultKind.SILENT, line)
+            self.resynchronise()
+        except LinkError as error:
+            self.in_step = False
+            return type(error)(problem, *error.problems)
+        return RefusedError(problem)
+
+    def _leave(self) -> None:
+        """Have a line that was begun forgotten, now; the proof of that comes in front of the next line."""
+        self.in_step = False
+        with suppress(LinkError):
+            self.link.send(FLUSH)
+
+    def _erase(self, deadline: float) -> None:
+        """Make sure that no line without an end lies at the controller: one of ours is all that it has received.
+
+        Raises:
+            LinkTimeoutError: `link.not_in_step`.
+            LinkError: the link broke.
+        """
+        form, began_s = self.checksums, self._clock.now_s()
+        while self._begun and form is not None:
+            self._flush(max(self._left(deadline), QUIET_S))
+            expected = form.answer(PROBE)
+            if self._checksum_of(PROBE, expected) == expected:
+                self._begun = False
+                self._ask("", CHECKSUM_TIMEOUT_S)  # its end; what it answers is of no matter
+            elif self._left(deadline) <= 0.0:
+                value = f"{self._clock.now_s() - began_s:.1f} s"
                 raise LinkTimeoutError(Problem(code="link.not_in_step", where=self.link.address, value=value))
 
     def _closes_buffer(self, deadline: float) -> bool:

@@ -28,6 +28,8 @@ class FaultKind(StrEnum):
     """Something came that belongs to no request: a late reply, a text or an error of a program."""
     ABANDONED = auto()
     """A request was sent while nobody had taken the reply to the one before."""
+    DIFFERS = auto()
+    """The checksum of a line that was on its way was another than that of what was sent."""
     LOST = auto()
     """The link itself is gone."""
 

@@ -32,6 +32,7 @@ class Script:
 
     address = "script"
     stop_way = StopWay.RESERVED
+    checks_bytes = True
 
     def __init__(self, *replies: bytes) -> None:
         self.replies = deque(replies)

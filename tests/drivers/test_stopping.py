@@ -24,6 +24,7 @@ class Wire:
 
     address = "wire"
     stop_way = StopWay.DIRECT
+    checks_bytes = True
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []

@@ -70,6 +70,10 @@ class PacedLink:
         self.link, self.server = link, server
 
     @property
+    def checks_bytes(self) -> bool:
+        return self.link.checks_bytes
+
+    @property
     def stop_way(self) -> StopWay:
         return self.link.stop_way
 

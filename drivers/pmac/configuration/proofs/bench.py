@@ -137,7 +137,7 @@ class ProofBench:
         self.refuse_ousted()
         self.stop.check()
         self.moving = True
-        self.client.send(line, check=self.stop.check)
+        self.client.send(line, check=self.stop.check, moves=True)
         if self.stop.reason is not None:
             self.stop.repeat()
         self.client.reply(line, lines=0)
