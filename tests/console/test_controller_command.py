@@ -109,6 +109,29 @@ def test_doctor_says_what_would_help(console: Console, card: Commissioned) -> No
     ) in flat
 
 
+WHO_CHECKS = {
+    "network": ("network_checksums", "holds", "the network checks its packets"),
+    "controller": ("line_checksums", "holds", "the controller says what it has received"),
+    "nobody": ("line_checksums", "warned", "found by its motion alone"),
+}
+
+
+@pytest.mark.parametrize("who", list(WHO_CHECKS))
+def test_doctor_tells_who_checks_that_a_motion_line_arrives_as_it_was_sent(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, who: str
+) -> None:
+    """A controller that does not answer control-N is no reason not to work; it has to be known."""
+    monkeypatch.setattr(card.link, "checks_bytes", who == "network")
+    heard = card.line.receive
+    if who == "nobody":
+        monkeypatch.setattr(card.line, "receive", lambda data: heard(data.replace(b"\x0e", b"")))
+    said = console("doctor", "--json")
+    (found,) = [check for check in said.json["checks"] if check["code"].endswith("_checksums")]
+    code, outcome, told = WHO_CHECKS[who]
+    assert (said.code, found["code"], found["outcome"]) == (0, code, outcome)
+    assert told in found["text"]
+
+
 def test_doctor_writes_nothing_without_prove(console: Console, card: Commissioned) -> None:
     settings = dict(card.sim.controller.variables.settings())
     assert console("doctor").code == 0
@@ -118,7 +141,9 @@ def test_doctor_writes_nothing_without_prove(console: Console, card: Commissione
     assert [line for line in written if not allowed.fullmatch(line.strip("\x18\n "))] == []
 
 
-def test_doctor_proves_when_asked(console: Console, card: Commissioned) -> None:
+def test_doctor_proves_when_asked(console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a link that checks no bytes, so that the checksum of each line that moves comes first."""
+    monkeypatch.setattr(card.link, "checks_bytes", False)
     said = console("doctor", "--prove", "--json")
     assert said.code == 0
     proofs = {c["code"]: c["outcome"] for c in said.json["checks"] if c["group"] == "proofs"}
