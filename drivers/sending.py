@@ -12,7 +12,6 @@ from drivers.safety import device_problems
 from drivers.stop import StopPath
 from profiles.problem import Problem
 
-
 IN_PART = "link.line_in_part"
 """Code of a line that was not received as it was sent, and of which something was carried out."""
 

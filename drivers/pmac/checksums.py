@@ -21,7 +21,7 @@ PROBE = f"P{MARKER}".encode("ascii")
 
 _AROUND = frozenset((ACK, LF, CR))
 _AMBIGUOUS = frozenset((NUL, STX, ACK, BELL, LF, CR))
-"""What is said without a checksum, too: of an empty line, in front of a message, to a line that was carried out."""
+"""What is said for other reasons, too: of an empty line, in front of a message, to a line that was carried out."""
 
 
 class LineCheck(StrEnum):

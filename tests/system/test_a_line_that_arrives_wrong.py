@@ -46,10 +46,10 @@ class BadCable:
         host, _, port = self._card.console.removeprefix("tcp:").rpartition(":")
         with closing(socket.create_connection((host, int(port)))) as card:
             while not self._ended.is_set():
-                readable, _, _ = select.select([self._line, card], [], [], 0.05)
+                readable, _, _ = select.select([self._line, card.fileno()], [], [], 0.05)
                 if self._line in readable:
                     card.sendall(self._damaged(os.read(self._line, CHUNK)))
-                if card in readable:
+                if card.fileno() in readable:
                     os.write(self._line, card.recv(CHUNK))
 
     def end(self) -> None:
