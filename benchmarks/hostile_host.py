@@ -67,8 +67,11 @@ LENGTH_MM = 0.02
 PLACE_MM = 0.05
 """Length of a place in which the depth is compared: a turn."""
 
-UNDONE_WITHIN_S = (0.01, 0.4)
-"""When a deed that is undone is."""
+UNDONE_WITHIN_S = (0.1, 0.4)
+"""When a deed that is undone is: of what is over between two polls nobody can know, see `drivers.cutting.path_seen`."""
+
+UNDONE_UNTIL = 0.55
+"""Share of the program until which such a deed is begun, so that it is over before the tool goes out."""
 
 GOOD = "called good"
 
@@ -268,9 +271,10 @@ def attack_of(chance: Random, plan: CutPlan) -> Attack:
         step, after_s = Step.CUT, chance.uniform(0.0, plan.duration_s)
     else:
         step, after_s = Step.CUT, plan.duration_s + chance.uniform(-1.0, 0.3)
-    return Attack(
-        deed=chance.choice(DEEDS), step=step, after_s=after_s, undone_after_s=chance.uniform(*UNDONE_WITHIN_S)
-    )
+    deed = chance.choice(DEEDS)
+    if deed.later and step is Step.CUT:
+        after_s = chance.uniform(0.0, UNDONE_UNTIL * plan.duration_s)
+    return Attack(deed=deed, step=step, after_s=after_s, undone_after_s=chance.uniform(*UNDONE_WITHIN_S))
 
 
 def disturbed_cut(number: int, seed: int) -> tuple[Made, str]:
