@@ -83,9 +83,7 @@ class Jogs:
             self._refuse_shifted(now)
             others = self._others(axis, now)
             self._send(f"#{motor_of(self._machine, axis)}HM")
-            search = HomeSearch(
-                axis, band_counts(self._machine, AxisName.TOOL), braking_s(self._machine, axis)
-            )
+            search = HomeSearch(axis, band_counts(self._machine, AxisName.TOOL), braking_s(self._machine, axis))
             last = self._motion.until(search.is_over, timeout_s, f"home {axis}", guard=others, homing=axis)
             if search.sudden or "home_complete" not in last.axis(axis).flags:
                 self._stop.stop(f"home {axis}")
@@ -145,7 +143,9 @@ class Jogs:
         if mark != self._stop.mark:
             return
         shifted = [
-            axis for axis in now.driven if abs(now.axis(axis).commanded - left.axis(axis).commanded) > SHIFTED_COUNTS
+            axis
+            for axis in now.driven
+            if abs(now.axis(axis).commanded - left.axis(axis).commanded) > SHIFTED_COUNTS
         ]
         if shifted:
             self.forget()

@@ -5,6 +5,8 @@ A part is called good only where what was cut is what was planned. Screens and h
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from console.session.errors import SessionError
 from drivers.cut import CutPlan
 from drivers.cutting.guarding import CutLength, ProgramEnd, cut_guard, end_problems
@@ -55,7 +57,9 @@ class PlannedCut:
         Raises:
             LinkError: the link broke.
         """
-        self.end = self._lathe.program_end()
+        end = self._lathe.program_end()
+        # A program that was ended in mid-turn has not told of its turns any more.
+        self.end = end if end.finished else replace(end, turns=self._length.turns)
         early = end_problems(self._plan, self.end, self._length, held=self._lathe.held)
         changed = (*early, *self._changed(), *self._lathe.verify())
         return changed or tuple(self._path.problems())

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.plan import CutPlan, Strategy
 from drivers.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -21,6 +21,12 @@ LEAST_TOOL_UM = 4.0
 """A moment that is off by less stands out from no real cut."""
 
 LEAST_CARRIAGE_MM = 0.02
+LEAST_SPINDLE_TURNS = 0.25
+"""The times of polls are known to some milliseconds only."""
+
+FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
+MOST_OF_LOBE = 0.5
+"""Share of the lobe that a tool that follows it may be off all along: as if half as large, or 29 degrees of it late."""
 
 TIMES_USUAL = 12.0
 """So many times what one poll in two is off by, a moment stands out also where tool and spindle are read apart."""
@@ -39,16 +45,17 @@ Floats = NDArray[np.float64]
 
 
 class PathSeen:
-    """The polls of one cut from behind the face of the part to where the tool goes out."""
+    """The polls of one cut from where it feeds to where the tool goes out."""
 
     def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
         self._plan, self._machine = plan, machine
         setup = plan.setup
-        # In front of the face nothing bends the tool: there, and in the first turn behind it, it is on another path.
         face = 2.0 * setup.carriage_middle - (plan.carriage_start + setup.carriage_counts)
-        self._first = face + setup.carriage_per_turn
+        # Clear of the part nothing bends the tool: there it is on another path, and the first turn is on neither.
+        self._clear = face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        self._in_part, self._first = self._clear + setup.carriage_per_turn, plan.carriage_start
         self._last = plan.carriage_start + (setup.whole_turns - LAST_TURN) * setup.carriage_per_turn
-        self._rows: list[tuple[float, float, float, float]] = []
+        self._rows: list[tuple[float, float, float, float, float]] = []
         self._over = False
 
     def see(self, snapshot: Snapshot) -> None:
@@ -59,18 +66,25 @@ class PathSeen:
             return
         tool, spindle, carriage = snapshot.tool, snapshot.spindle, snapshot.carriage
         took_s = snapshot.at_s - snapshot.asked_s
-        self._rows.append((took_s, tool.position, spindle.position, carriage.position))
+        middle_s = 0.5 * (snapshot.asked_s + snapshot.at_s)
+        self._rows.append((took_s, tool.position, spindle.position, carriage.position, middle_s))
 
     def problems(self) -> Iterator[Problem]:
         """Say where tool or carriage were not on the path that they kept to otherwise."""
-        rows = np.array(self._rows).reshape(-1, 4)
+        rows = np.array(self._rows).reshape(-1, 5)
         if len(rows):
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
         if len(rows) < LEAST_POLLS:
             return
         turns = rows[:, 2] / self._machine.spindle.counts_per_rev
-        yield from self._tool(rows[:, 1], turns, rows[:, 3])
         yield from self._carriage(turns, rows[:, 3])
+        if not self._machine.spindle.followed:
+            yield from self._spindle(turns, rows[:, 4])
+        clear, in_part = rows[:, 3] < self._clear, rows[:, 3] > self._in_part
+        # Only what follows the lobe has reached its path where the feed begins.
+        for among in (clear, in_part) if self._plan.strategy in FOLLOWING else (in_part,):
+            if among.sum() >= LEAST_POLLS:
+                yield from self._tool(rows[among, 1], turns[among], rows[among, 3])
 
     def _tool(self, tool: Floats, turns: Floats, carriage: Floats) -> Iterator[Problem]:
         """The path of a turn may be any, with what comes once, and with the lobe; it may grow along the cut."""
@@ -82,7 +96,13 @@ class PathSeen:
         for waves in (wanted.lobes, 2 * wanted.lobes, 3 * wanted.lobes, 1):
             angle = 2.0 * np.pi * waves * turns
             terms += [np.cos(angle), np.sin(angle)]
-        left_um = np.abs(_left(off_um, terms[: max(4, len(turns) // POLLS_A_TERM)]))
+        left, found = _left(off_um, terms[: max(4, len(turns) // POLLS_A_TERM)])
+        left_um, lobe_um = np.abs(left), float(np.hypot(found[2], found[3]))
+        most_um = MOST_OF_LOBE * wanted.amplitude_um + LEAST_TOOL_UM
+        if plan.strategy in FOLLOWING and lobe_um > most_um:
+            value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
+            yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
+            return
         limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um)))
         if left_um.max() > limit_um:
             value, limit = f"{left_um.max():.1f} um", f"{limit_um:.1f} um"
@@ -93,19 +113,30 @@ class PathSeen:
         per_mm = self._machine.carriage.counts_per_mm
         off_mm = (carriage - turns * self._plan.setup.carriage_per_turn) / per_mm
         terms = [np.ones_like(turns), *([turns] if self._machine.spindle.followed else [])]
-        left_mm = np.abs(_left(off_mm, terms))
+        left_mm = np.abs(_left(off_mm, terms)[0])
         limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(left_mm)))
         if left_mm.max() > limit_mm:
             value, limit = f"{left_mm.max():.3f} mm", f"{limit_mm:.3f} mm"
             yield Problem(code="cut.off_path", key=AxisName.CARRIAGE, value=value, limit=limit)
 
+    def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
+        """It turns evenly, as long as nobody has held the program or gone on elsewhere in it."""
+        left = np.abs(_left(turns, [np.ones_like(turns), at_s - at_s[0]])[0])
+        limit = max(LEAST_SPINDLE_TURNS, TIMES_USUAL * float(np.median(left)))
+        if left.max() > limit:
+            value, allowed = f"{left.max():.2f} rev", f"{limit:.2f} rev"
+            yield Problem(code="cut.off_path", key=AxisName.SPINDLE, value=value, limit=allowed)
 
-def _left(values: Floats, terms: list[Floats]) -> Floats:
-    """Return what a sum of terms leaves of values, fitted so that the few that stand out do not pull at it."""
+
+def _left(values: Floats, terms: list[Floats]) -> tuple[Floats, Floats]:
+    """Return what a sum of terms leaves of values, fitted so that the few that stand out do not pull at it.
+
+    With what each term has in it.
+    """
     columns, weights = np.stack(terms, axis=1), np.ones_like(values)
-    left = values
+    left, found = values, np.zeros(len(terms))
     for _ in range(SWEEPS):
         found = np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0]
         left = values - columns @ found
         weights = 1.0 / np.sqrt(np.maximum(np.abs(left), 1e-3))
-    return left
+    return left, found
