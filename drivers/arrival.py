@@ -50,18 +50,34 @@ class HomeSearch:
 
     RESTS = 3
 
-    def __init__(self, axis: AxisName, tool_band_counts: float) -> None:
-        """`tool_band_counts` is by how much the tool may lag at its zero, see `Settling`."""
+    def __init__(self, axis: AxisName, tool_band_counts: float, braking_s: float = 0.0) -> None:
+        """`tool_band_counts` is by how much the tool may lag at its zero, see `Settling`.
+
+        An axis that searches needs `braking_s` to come to rest. `sudden` is whether this one rested on a zero
+        sooner: somebody has called the place home at which it was (`HMZ`), and there is no zero there.
+        """
+        self.sudden = False
         self._axis, self._rests = axis, 0
+        self._braking_s = braking_s
+        self._searching: Snapshot | None = None
         self._settling = Settling((axis,), tool_band_counts, REST_S)
 
     def is_over(self, snapshot: Snapshot) -> bool:
         """Whether the zero was found, or the search has ended without one."""
         flags = snapshot.axis(self._axis).flags
+        self._see_sudden(snapshot, flags)
         resting = "desired_velocity_zero" in flags and not {"home_search", "home_complete"} & flags
         self._rests = self._rests + 1 if resting else 0
         found = "home_complete" in flags and "home_search" not in flags
         return (found and self._settling.is_over(snapshot)) or self._rests >= self.RESTS
+
+    def _see_sudden(self, snapshot: Snapshot, flags: frozenset[str]) -> None:
+        before = self._searching
+        self._searching = None
+        if "home_search" in flags:
+            self._searching = snapshot
+        elif before is not None and {"home_complete", "desired_velocity_zero"} <= flags:
+            self.sudden = snapshot.at_s - before.asked_s < self._braking_s
 
 
 def nearly_arrived(snapshot: Snapshot, axis: AxisName, band_counts: float) -> bool:

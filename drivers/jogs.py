@@ -11,8 +11,11 @@ from drivers.guards import JogGuard, OthersStill
 from drivers.loading import Loading
 from drivers.looks import Looks
 from drivers.motion import Motion
+from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.text import format_number
-from drivers.pmac.settings import PARTS_PER_COUNT
+from drivers.pmac.settings import PARTS_PER_COUNT, settings_with
+from drivers.pmac.trajectory.jog import change_speed, jog_settings
+from drivers.pmac.variables import VariableStore
 from drivers.snapshot import AxisName, AxisState, Snapshot, driven_axes
 from drivers.stop import StopPath
 from drivers.travel import refuse_beyond_travel
@@ -22,11 +25,22 @@ from profiles.problem import Problem
 READ_MS = 10.0
 """Within one look position and following error of an axis are not read at one instant."""
 
+SHIFTED_COUNTS = 5.0
+"""An axis that rests is commanded to one place, and told to a tenth of a count."""
+
 
 def motor_of(machine: MachineProfile, axis: AxisName) -> int:
     """Return the number of the motor of an axis."""
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     return dict(zip(AxisName, motors, strict=True))[axis]
+
+
+def braking_s(machine: MachineProfile, axis: AxisName) -> float:
+    """Return how long an axis takes to come to rest from the speed of its home search, Ix23."""
+    dialect = DIALECTS[machine.controller.family]
+    variables = VariableStore(settings_with(machine.controller.variables, dialect), dialect)
+    settings = jog_settings(variables, motor_of(machine, axis), 23)
+    return sum(piece.duration_ms for piece in change_speed(0.0, settings.speed, 0.0, settings)) / 1000.0
 
 
 def band_counts(machine: MachineProfile, axis: AxisName) -> float:
@@ -48,25 +62,33 @@ class Jogs:
     ) -> None:
         self._machine, self._looks, self._motion, self._stop = machine, looks, motion, stop
         self._loading, self._send = loading, send
+        self._left: tuple[Snapshot, object] | None = None
+
+    def forget(self) -> None:
+        """From now on something else than a jog may move the axes, or give them another zero."""
+        self._left = None
 
     def home(self, timeout_s: float = 60.0) -> None:
         """Search the zero of each axis: tool out first, then the carriage, then the spindle's index.
 
         Raises:
-            DriverError: `machine.timeout`, `machine.fault`; `machine.home_ended`, before a zero was found.
+            DriverError: `machine.timeout`, `machine.fault`; `machine.home_ended`, before a zero was found;
+                `controller.home_lost`, of an axis that was homed before.
         """
+        self.forget()
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
             if axis not in driven_axes(self._machine):
                 continue
-            others = self._others(axis, self._looks.look())
+            now = self._looks.look()
+            self._refuse_shifted(now)
+            others = self._others(axis, now)
             self._send(f"#{motor_of(self._machine, axis)}HM")
-            search = HomeSearch(axis, band_counts(self._machine, AxisName.TOOL))
-            state = self._motion.until(search.is_over, timeout_s, f"home {axis}", guard=others, homing=axis).axis(
-                axis
-            )
-            if "home_complete" not in state.flags:
+            search = HomeSearch(axis, band_counts(self._machine, AxisName.TOOL), braking_s(self._machine, axis))
+            last = self._motion.until(search.is_over, timeout_s, f"home {axis}", guard=others, homing=axis)
+            if search.sudden or "home_complete" not in last.axis(axis).flags:
                 self._stop.stop(f"home {axis}")
                 raise DriverError(Problem(code="machine.home_ended", key=axis))
+            self._left = last, self._stop.mark
 
     def to(
         self,
@@ -93,7 +115,8 @@ class Jogs:
         done = Settling((axis,), band_counts(self._machine, AxisName.TOOL)).is_over
         if not settle:
             done = partial(nearly_arrived, axis=axis, band_counts=band_counts(self._machine, axis))
-        state = self._motion.until(done, timeout_s, f"jog {axis}", guard=guard).axis(axis)
+        last = self._motion.until(done, timeout_s, f"jog {axis}", guard=guard)
+        self._left, state = (last, self._stop.mark), last.axis(axis)
         there = state.position + state.following_error
         if abs(there - counts - held_counts) > ARRIVED_COUNTS:
             # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
@@ -104,9 +127,29 @@ class Jogs:
     def _jog_guard(self, axis: AxisName, end: float) -> JogGuard:
         """Return what judges a jog to `end`; an axis is seen ahead by what it goes while it is read."""
         now = self._looks.look()
+        self._refuse_shifted(now)
+        self.forget()  # until this one is over
         speed = abs(self._machine.controller.variables[f"I{motor_of(self._machine, axis)}22"])
         beyond, begin = speed * READ_MS + ARRIVED_COUNTS, now.axis(axis).commanded
         return JogGuard(axis=axis, begin=begin, end=end, beyond_counts=beyond, others=self._others(axis, now))
+
+    def _refuse_shifted(self, now: Snapshot) -> None:
+        """Refuse where an axis is no longer where the last jog has left it, and nothing of ours has moved since.
+
+        Raises:
+            RefusedError: `controller.home_lost`: another host has given it another zero, or has moved it.
+        """
+        left, mark = self._left or (now, self._stop.mark)
+        if mark != self._stop.mark:
+            return
+        shifted = [
+            axis
+            for axis in now.driven
+            if abs(now.axis(axis).commanded - left.axis(axis).commanded) > SHIFTED_COUNTS
+        ]
+        if shifted:
+            self.forget()
+            raise RefusedError(Problem(code="controller.home_lost", key=", ".join(shifted)))
 
     def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
         """Return what judges the axes that do not jog; by a table that is on, the tool follows another axis."""

@@ -117,6 +117,7 @@ class Lathe:
             RefusedError: `owner.held`, another one does.
             LinkError: the link broke.
         """
+        self._jogs.forget()
         if self.ownership is not None:
             self.ownership.claim()
 
@@ -129,6 +130,7 @@ class Lathe:
         """
         if self.ownership is None:
             return NOBODY
+        self._jogs.forget()
         return self.ownership.take_over(at_rest=self.snapshot().at_rest)
 
     def release(self) -> None:
@@ -168,6 +170,7 @@ class Lathe:
         self._sending.refuse_unsafe()
         if self._heartbeat is not None and not self.stop.hands_in:
             self._heartbeat.prepare()
+        self._jogs.forget()
         for axis in self._driven:
             self._sending.once(f"#{self._motors[axis]}J/")
         if not self.snapshot().loops_closed:
@@ -284,6 +287,7 @@ class Lathe:
         """
         self._sending.refuse_unless_owner()
         self._refuse_moving(self.snapshot())
+        self._jogs.forget()
         return self._loading.switch_tables_off()
 
     def holds(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
@@ -323,6 +327,7 @@ class Lathe:
             guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
             return f"&1 {guarded}"
 
+        self._jogs.forget()
         self._leased(f"B{number}R", leased)
 
     def hold(self) -> None:

@@ -5,9 +5,12 @@ A part is called good only where what was cut is what was planned. Screens and h
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from console.session.errors import SessionError
 from drivers.cut import CutPlan
 from drivers.cutting.guarding import CutLength, ProgramEnd, cut_guard, end_problems
+from drivers.cutting.path_seen import PathSeen
 from drivers.errors import DriverError, LinkError
 from drivers.lathe import Lathe
 from drivers.snapshot import Snapshot
@@ -37,22 +40,29 @@ class PlannedCut:
         self.guard = cut_guard(plan, lathe.machine)
         self._lathe, self._plan = lathe, plan
         self._length = CutLength(plan, lathe.machine)
+        self._path = PathSeen(plan, lathe.machine)
 
     def see(self, snapshot: Snapshot) -> None:
         """Take in a poll of the cut."""
         self._length.see(snapshot)
+        if not self._lathe.held:  # on its way out the tool is on no path of a turn
+            self._path.see(snapshot)
 
     def problems(self) -> tuple[Problem, ...]:
         """Return everything by which the cut that has ended is not the one that was planned.
 
-        Its turns and its length, then the program with its constants and tables, then the settings.
+        Its turns and its length, then the program with its constants and tables, then the settings; and the path
+        that was polled, where somebody has put back what he had changed.
 
         Raises:
             LinkError: the link broke.
         """
-        self.end = self._lathe.program_end()
+        end = self._lathe.program_end()
+        # A program that was ended in mid-turn has not told of its turns any more.
+        self.end = end if end.finished else replace(end, turns=self._length.turns)
         early = end_problems(self._plan, self.end, self._length, held=self._lathe.held)
-        return (*early, *self._changed(), *self._lathe.verify())
+        changed = (*early, *self._changed(), *self._lathe.verify())
+        return changed or tuple(self._path.problems())
 
     def _changed(self) -> tuple[Problem, ...]:
         try:

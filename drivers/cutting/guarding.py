@@ -56,11 +56,17 @@ class CutLength:
     def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
         self._planned = plan.checked.highest[machine.carriage.motor]
         self._begin, self._per_mm = plan.carriage_start, machine.carriage.counts_per_mm
+        self._per_turn = plan.setup.carriage_per_turn
         self._highest = float("-inf")
 
     def see(self, snapshot: Snapshot) -> None:
         """Take in a poll of the cut."""
         self._highest = max(self._highest, snapshot.carriage.commanded)
+
+    @property
+    def turns(self) -> int:
+        """The whole turns of feed that were seen."""
+        return int(max(self._highest - self._begin, 0.0) / self._per_turn)
 
     @property
     def problem(self) -> Problem | None:

@@ -64,6 +64,7 @@ class PatientCard:
         self.console = ""
         self.words = _Words()
         self._stops_at: Callable[[], bool] | None = None
+        self._stands_then = True
         self._reached = asyncio.Event()
         self._runs = True
         self._ended = False
@@ -92,7 +93,8 @@ class PatientCard:
                     host.flush()
                 await asyncio.sleep(0.0)
                 if self._stops_at is not None and self._stops_at():
-                    self._runs = False
+                    self._runs = not self._stands_then
+                    self._stops_at = None
                     self._reached.set()
 
     @property
@@ -105,11 +107,16 @@ class PatientCard:
 
     def until(self, reached: Callable[[], bool]) -> None:
         """Let time run with the console until something is so; it stands still from then on."""
+        self._wait(reached, stands_then=True)
 
+    def sees(self, reached: Callable[[], bool]) -> None:
+        """Let time run with the console until something is so, and on."""
+        self._wait(reached, stands_then=False)
+
+    def _wait(self, reached: Callable[[], bool], *, stands_then: bool) -> None:
         async def wait() -> None:
-            self._stops_at, self._reached = reached, asyncio.Event()
+            self._stops_at, self._reached, self._stands_then = reached, asyncio.Event(), stands_then
             await asyncio.wait_for(self._reached.wait(), UNTIL_S)
-            self._stops_at = None
 
         self._in_loop(wait(), UNTIL_S + PATIENCE_S)
 

@@ -1,0 +1,142 @@
+"""Whether tool and carriage kept to one path from the first turn of a cut to its last, by what was polled of it.
+
+What another host changes for a moment and then puts back is in no constant any more when these are read, and yet
+it is in the part. But a cut is the same turn by turn: a moment in which it was another one stands out from the
+rest, whatever the machine makes of the path. What was over between two polls nobody has seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cutting.plan import CutPlan, Strategy
+from drivers.snapshot import AxisName, Snapshot
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+LEAST_TOOL_UM = 4.0
+"""A moment that is off by less stands out from no real cut."""
+
+LEAST_CARRIAGE_MM = 0.02
+LEAST_SPINDLE_TURNS = 0.25
+"""The times of polls are known to some milliseconds only."""
+
+FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
+MOST_OF_LOBE = 0.5
+"""Share of the lobe that a tool that follows it may be off all along: as if half as large, or 29 degrees of it late."""
+
+TIMES_USUAL = 12.0
+"""So many times what one poll in two is off by, a moment stands out also where tool and spindle are read apart."""
+
+LATE = 1.5
+"""A poll that took so many times the usual was held up in its midst: what it tells is not of one instant."""
+
+LEAST_POLLS = 16
+POLLS_A_TERM = 6
+LAST_TURN = 0.15
+"""Share of the last turn that is left out: behind it the tool goes out."""
+
+SWEEPS = 20
+
+Floats = NDArray[np.float64]
+
+
+class PathSeen:
+    """The polls of one cut from where it feeds to where the tool goes out."""
+
+    def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
+        self._plan, self._machine = plan, machine
+        setup = plan.setup
+        face = 2.0 * setup.carriage_middle - (plan.carriage_start + setup.carriage_counts)
+        # Clear of the part nothing bends the tool: there it is on another path, and the first turn is on neither.
+        self._clear = face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        self._in_part, self._first = self._clear + setup.carriage_per_turn, plan.carriage_start
+        self._last = plan.carriage_start + (setup.whole_turns - LAST_TURN) * setup.carriage_per_turn
+        self._rows: list[tuple[float, float, float, float, float]] = []
+        self._over = False
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take in a poll of the cut."""
+        at = snapshot.carriage.commanded
+        self._over = self._over or at > self._last
+        if self._over or at <= self._first or not snapshot.program_running:
+            return
+        tool, spindle, carriage = snapshot.tool, snapshot.spindle, snapshot.carriage
+        took_s = snapshot.at_s - snapshot.asked_s
+        middle_s = 0.5 * (snapshot.asked_s + snapshot.at_s)
+        self._rows.append((took_s, tool.position, spindle.position, carriage.position, middle_s))
+
+    def problems(self) -> Iterator[Problem]:
+        """Say where tool or carriage were not on the path that they kept to otherwise."""
+        rows = np.array(self._rows).reshape(-1, 5)
+        if len(rows):
+            rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
+        if len(rows) < LEAST_POLLS:
+            return
+        turns = rows[:, 2] / self._machine.spindle.counts_per_rev
+        yield from self._carriage(turns, rows[:, 3])
+        if not self._machine.spindle.followed:
+            yield from self._spindle(turns, rows[:, 4])
+        clear, in_part = rows[:, 3] < self._clear, rows[:, 3] > self._in_part
+        # Only what follows the lobe has reached its path where the feed begins.
+        for among in (clear, in_part) if self._plan.strategy in FOLLOWING else (in_part,):
+            if among.sum() >= LEAST_POLLS:
+                yield from self._tool(rows[among, 1], turns[among], rows[among, 3])
+
+    def _tool(self, tool: Floats, turns: Floats, carriage: Floats) -> Iterator[Problem]:
+        """The path of a turn may be any, with what comes once, and with the lobe; it may grow along the cut."""
+        plan, wanted = self._plan, self._plan.wanted
+        past_mm = (carriage - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
+        infeed_um = (tool - plan.setup.surface) * self._machine.tool.count_um
+        off_um = infeed_um - wanted.at_um(360.0 * turns, past_mm)
+        terms = [np.ones_like(turns), past_mm]
+        for waves in (wanted.lobes, 2 * wanted.lobes, 3 * wanted.lobes, 1):
+            angle = 2.0 * np.pi * waves * turns
+            terms += [np.cos(angle), np.sin(angle)]
+        left, found = _left(off_um, terms[: max(4, len(turns) // POLLS_A_TERM)])
+        left_um, lobe_um = np.abs(left), float(np.hypot(found[2], found[3]))
+        most_um = MOST_OF_LOBE * wanted.amplitude_um + LEAST_TOOL_UM
+        if plan.strategy in FOLLOWING and lobe_um > most_um:
+            value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
+            yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
+            return
+        limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um)))
+        if left_um.max() > limit_um:
+            value, limit = f"{left_um.max():.1f} um", f"{limit_um:.1f} um"
+            yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
+
+    def _carriage(self, turns: Floats, carriage: Floats) -> Iterator[Problem]:
+        """So many turns, so much feed; a spindle that nobody programs may be slower or faster than planned."""
+        per_mm = self._machine.carriage.counts_per_mm
+        off_mm = (carriage - turns * self._plan.setup.carriage_per_turn) / per_mm
+        terms = [np.ones_like(turns), *([turns] if self._machine.spindle.followed else [])]
+        left_mm = np.abs(_left(off_mm, terms)[0])
+        limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(left_mm)))
+        if left_mm.max() > limit_mm:
+            value, limit = f"{left_mm.max():.3f} mm", f"{limit_mm:.3f} mm"
+            yield Problem(code="cut.off_path", key=AxisName.CARRIAGE, value=value, limit=limit)
+
+    def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
+        """It turns evenly, as long as nobody has held the program or gone on elsewhere in it."""
+        left = np.abs(_left(turns, [np.ones_like(turns), at_s - at_s[0]])[0])
+        limit = max(LEAST_SPINDLE_TURNS, TIMES_USUAL * float(np.median(left)))
+        if left.max() > limit:
+            value, allowed = f"{left.max():.2f} rev", f"{limit:.2f} rev"
+            yield Problem(code="cut.off_path", key=AxisName.SPINDLE, value=value, limit=allowed)
+
+
+def _left(values: Floats, terms: list[Floats]) -> tuple[Floats, Floats]:
+    """Return what a sum of terms leaves of values, fitted so that the few that stand out do not pull at it.
+
+    With what each term has in it.
+    """
+    columns, weights = np.stack(terms, axis=1), np.ones_like(values)
+    left, found = values, np.zeros(len(terms))
+    for _ in range(SWEEPS):
+        found = np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0]
+        left = values - columns @ found
+        weights = 1.0 / np.sqrt(np.maximum(np.abs(left), 1e-3))
+    return left, found

@@ -1,0 +1,28 @@
+"""Deeds of another host that are undone before the cut ends are in the part, and it is not called good.
+
+They were drawn by `benchmarks.hostile_host` with seed 2001, and called good once.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.hostile_host import KINDS, Attack, make
+from benchmarks.hostile_lines import Deed
+from console.session.sequence import Step
+
+
+@pytest.mark.parametrize(
+    ("kind", "first", "later", "after_s", "for_s"),
+    [
+        (0, "P18=P18*3", "P18=P18/3", 2.53, 0.2),
+        (1, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39),
+        (5, "&1H", "&1R", 3.08, 0.2),
+    ],
+)
+def test_what_was_undone_is_found_in_the_polls(
+    kind: int, first: str, later: str, after_s: float, for_s: float
+) -> None:
+    attack = Attack(deed=Deed(first=first, later=later), step=Step.CUT, after_s=after_s, undone_after_s=for_s)
+    made, _ = make(*KINDS[kind], attack, 1)
+    assert made.outcome == "cut.off_path"

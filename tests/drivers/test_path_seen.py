@@ -1,0 +1,82 @@
+"""A moment in which a cut was another one stands out from its other turns, and an even cut from nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cutting.path_seen import PathSeen
+from drivers.snapshot import AxisState, Snapshot
+from profiles.store import load_job
+from tests.system.lathe_sites import compact
+
+MACHINE = compact("pmac")
+JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.5)
+POLL_S, TURN_S = 0.023, 0.06
+
+
+@cache
+def plan() -> CutPlan:
+    return plan_cut(JOB, MACHINE, Strategy.PVT)
+
+
+def told(
+    tool_um: float = 0.0, *, share: float = 1.0, feed_mm: float = 0.0, turns: float = 0.0, noise_um: float = 0.5
+) -> list[str]:
+    """What is told of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe."""
+    setup, chance = plan().setup, np.random.default_rng(1)
+    seen = PathSeen(plan(), MACHINE)
+    for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
+        at_s = number * POLL_S
+        off = 1.0 if 1.5 <= at_s < 1.7 else 0.0
+        turn = at_s / TURN_S + off * turns
+        z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * MACHINE.carriage.counts_per_mm
+        wanted_um = plan().wanted.mean_um + share * (plan().wanted.at_um(360.0 * turn) - plan().wanted.mean_um)
+        infeed_um = wanted_um + off * tool_um + chance.normal(0.0, noise_um)
+        places = (setup.surface + infeed_um / MACHINE.tool.count_um, turn * setup.counts_per_turn, z)
+        tool, spindle, carriage = (
+            AxisState(position=float(at), following_error=0.0, flags=frozenset()) for at in places
+        )
+        seen.see(
+            Snapshot(
+                asked_s=at_s,
+                at_s=at_s + 0.005,
+                program_running=True,
+                runtime_error=False,
+                tool=tool,
+                spindle=spindle,
+                carriage=carriage,
+            )
+        )
+    problems = list(seen.problems())
+    assert {problem.code for problem in problems} <= {"cut.off_path"}
+    return [problem.key for problem in problems]
+
+
+@pytest.mark.parametrize("noise_um", [0.0, 0.5, 3.0])
+def test_a_cut_that_is_the_same_turn_by_turn_is_left_alone(noise_um: float) -> None:
+    assert told(noise_um=noise_um) == []
+
+
+def test_a_lobe_that_a_weak_amplifier_makes_smaller_is_no_reason() -> None:
+    assert told(share=0.7) == []
+
+
+def test_a_moment_in_which_the_tool_was_deeper_is_told() -> None:
+    assert told(20.0) == ["tool"]
+
+
+def test_a_moment_in_which_the_carriage_was_ahead_is_told() -> None:
+    assert told(feed_mm=0.1) == ["carriage"]
+
+
+def test_a_spindle_that_was_elsewhere_for_a_moment_is_told() -> None:
+    assert "spindle" in told(turns=1.5)
+
+
+def test_a_lobe_that_is_followed_out_of_phase_from_the_first_turn_on_is_told() -> None:
+    assert set(told(share=-1.0)) == {"tool"}

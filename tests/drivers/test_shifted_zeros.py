@@ -1,0 +1,52 @@
+"""A zero that another host sets (HMZ) is not taken for one that was found, nor for the one that was there."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.errors import DriverError
+from drivers.snapshot import AxisName
+from tests.system.lathe_sites import Site, opened
+
+
+def another_sends_at(site: Site, counts: float, line: bytes) -> None:
+    """At the first look that shows the spindle beyond so many counts."""
+    from drivers.link.memory import MemoryLink
+
+    assert isinstance(site.client.link, MemoryLink)
+    sent: list[bytes] = []
+
+    def see(snapshot: object) -> None:
+        position = site.lathe._looks.last.spindle.position if site.lathe._looks.last else 0.0
+        if position > counts and not sent:
+            sent.append(line)
+            site.clock.connect().receive(line)  # type: ignore[attr-defined]
+
+    site.seen.append(see)
+
+
+def test_a_home_that_is_called_in_mid_search_is_no_home() -> None:
+    with opened("memory", "pmac") as site:
+        site.lathe.connect()
+        site.lathe.claim()
+        site.lathe.enable()
+        another_sends_at(site, 1000.0, b"#2HMZ\r")
+        with pytest.raises(DriverError) as error:
+            site.lathe.home()
+        assert error.value.problems[0].code == "machine.home_ended"
+
+
+def test_a_zero_that_is_set_between_two_jogs_is_found_before_the_next_one_moves() -> None:
+    with opened("memory", "pmac") as site:
+        site.lathe.connect()
+        site.lathe.claim()
+        site.lathe.enable()
+        site.lathe.home()
+        site.lathe.jog_to(AxisName.SPINDLE, 1234.0)
+        site.clock.connect().receive(b"#2HMZ\r")  # type: ignore[attr-defined]
+        site.clock.wait(0.05)
+        with pytest.raises(DriverError) as error:
+            site.lathe.jog_to(AxisName.CARRIAGE, 5000.0)
+        assert (error.value.problems[0].code, error.value.problems[0].key) == ("controller.home_lost", "spindle")
+        site.lathe.home()
+        site.lathe.jog_to(AxisName.CARRIAGE, 500.0)
