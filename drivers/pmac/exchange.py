@@ -268,7 +268,7 @@ class Exchange:
                 self.faults = self.faults.with_another(FaultKind.DIFFERS, self._clock.now_s(), line)
                 self._leave()  # whatever moves now is to be stopped at once
                 return LinkError(Problem(code="link.line_in_part", where=where, key=line))
-            self._lose_step(FaultKind.DIFFERS if said else FaultKind.SILENT, line)
+            self._lose_step(FaultKind.DIFFERS if said else FaultKind.SILENT, line, REPLY_TIMEOUT_S)
             self.resynchronise()
         except LinkError as error:
             self.in_step = False
