@@ -3,7 +3,7 @@
 One console side makes part after part, headless, with its lease and as the owner, in simulated time. Another host
 with a connection of its own sends at a random moment, from the loading to the end of the cut, one of the lines of
 `hostile_lines`. Strategies and families take turns. What the console calls good is judged by the part itself,
-against the part of the same cut that nobody disturbs, at its three sections, by depth all along, by its length, and
+against the part of the same cut that nobody disturbs, at three sections, by depth all along, by its length, and
 by what the tool has run into. The last line says how many parts were called good that are not, and which deed
 it was; the exit code is 1 if there is any.
 

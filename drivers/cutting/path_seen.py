@@ -133,11 +133,12 @@ def _left(values: Floats, terms: list[Floats]) -> tuple[Floats, Floats]:
 
     With what each term has in it.
     """
-    columns, weights = np.stack(terms, axis=1), np.ones_like(values)
+    columns: Floats = np.stack(terms, axis=1)
+    weights: Floats = np.ones_like(values)
     left: Floats = values
     found: Floats = np.zeros(len(terms))
     for _ in range(SWEEPS):
-        found = np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0]
-        left = values - columns @ found
+        found = np.asarray(np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0])
+        left = np.asarray(values - columns @ found)
         weights = 1.0 / np.sqrt(np.maximum(np.abs(left), 1e-3))
     return left, found
