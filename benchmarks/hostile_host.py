@@ -2,9 +2,9 @@
 
 One console side makes part after part, headless, with its lease and as the owner, in simulated time. Another host
 with a connection of its own sends at a random moment, from the loading to the end of the cut, one of the lines of
-`hostile_lines`. Strategies and families take turns. What the console calls good is judged by the iron: the part
-against the part of the same cut that nobody disturbs, at its three sections, by the depth all along, by its length,
-and by what the tool has run into. The last line says how many parts were called good that are not, and which deed
+`hostile_lines`. Strategies and families take turns. What the console calls good is judged by the part itself,
+against the part of the same cut that nobody disturbs, at three sections, by depth all along, by its length, and
+by what the tool has run into. The last line says how many parts were called good that are not, and which deed
 it was; the exit code is 1 if there is any.
 
     python -m benchmarks.hostile_host [--cuts N | --hours H] [--seed S]
@@ -68,7 +68,7 @@ PLACE_MM = 0.05
 """Length of a place in which the depth is compared: a turn."""
 
 UNDONE_WITHIN_S = (0.1, 0.4)
-"""When a deed that is undone is: of what is over between two polls nobody can know, see `drivers.cutting.path_seen`."""
+"""When a deed is undone that is: what is over between two polls nobody knows, see `drivers.cutting.path_seen`."""
 
 UNDONE_UNTIL = 0.55
 """Share of the program until which such a deed is begun, so that it is over before the tool goes out."""
@@ -159,7 +159,7 @@ class Truth:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """What became of one cut: `GOOD` or the code of what ended it, what is not as planned, and the cutting time."""
+    """What became of one cut: `GOOD` or the code of what ended it, by what it differs, and the cutting time."""
 
     outcome: str
     differs: str

@@ -26,7 +26,7 @@ LEAST_SPINDLE_TURNS = 0.25
 
 FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
 MOST_OF_LOBE = 0.5
-"""Share of the lobe that a tool that follows it may be off all along: as if half as large, or 29 degrees of it late."""
+"""Share of the lobe that a tool that follows it may be off all along: half as large, or 29 degrees late."""
 
 TIMES_USUAL = 12.0
 """So many times what one poll in two is off by, a moment stands out also where tool and spindle are read apart."""
@@ -133,10 +133,12 @@ def _left(values: Floats, terms: list[Floats]) -> tuple[Floats, Floats]:
 
     With what each term has in it.
     """
-    columns, weights = np.stack(terms, axis=1), np.ones_like(values)
-    left, found = values, np.zeros(len(terms))
+    columns: Floats = np.stack(terms, axis=1)
+    weights: Floats = np.ones_like(values)
+    left: Floats = values
+    found: Floats = np.zeros(len(terms))
     for _ in range(SWEEPS):
-        found = np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0]
-        left = values - columns @ found
+        found = np.asarray(np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0])
+        left = np.asarray(values - columns @ found)
         weights = 1.0 / np.sqrt(np.maximum(np.abs(left), 1e-3))
     return left, found

@@ -15,7 +15,7 @@ from console.session.sequence import Step
 @pytest.mark.parametrize(
     ("kind", "first", "later", "after_s", "for_s"),
     [
-        (0, "P18=P18*3", "P18=P18/3", 2.53, 0.2),
+        (3, "P25=P25+40", "", 3.78, 0.0),
         (1, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39),
         (5, "&1H", "&1R", 3.08, 0.2),
     ],

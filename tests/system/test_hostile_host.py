@@ -1,4 +1,4 @@
-"""Another host on the line while `console run` cuts: what it has changed, held or ended is never called a good part.
+"""Another host on the line while `console run` cuts: what it changed, held or ended is never called good.
 
 The console is a process; the other host is a plain socket that sends lines, or a second console that looks on. The
 machine and the job are files of one operator. Times are those of the card.
@@ -16,7 +16,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -233,7 +232,7 @@ def test_a_digit_that_is_turned_on_the_wire_is_found_before_anything_moves(order
 
 @contextmanager
 def turning(right: bytes, wrong: bytes) -> Iterator[Callable[[str], str]]:
-    """A wire that has one fault: what begins rightly arrives wrong. Give it an address, and take that of the wire."""
+    """A wire that has one fault: what begins rightly arrives wrong. Takes an address, gives its own."""
     with socket.create_server(("127.0.0.1", 0)) as near:
         threads: list[threading.Thread] = []
 
