@@ -19,6 +19,7 @@ from drivers.ownership import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
+from drivers.snapshot import Snapshot
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, OneConsole, console_of
@@ -65,7 +66,7 @@ class _Moments:
 
 def works(console: OneConsole, interruption: Interruption) -> None:
     """What `console run` does with the machine, up to the point where something would move."""
-    guard(interruption, console.lathe)
+    guard(interruption, console.lathe, console.sim.now_s)
     try:
         console.owning.claim()
         console.lathe.stop.check()
@@ -121,12 +122,14 @@ def test_what_was_ours_and_still_moves_is_stopped_though_another_has_written_his
     sim = SimulatedLathe(machine)
     console = console_of(sim, machine, tmp_path, locking=False)
     interruption = Interruption()
-    guard(interruption, console.lathe)
+    guard(interruption, console.lathe, console.sim.now_s)
     console.owning.claim()
     console.lathe.verify()
     console.lathe.enable()
 
-    def ousted(_: object) -> None:
+    def ousted(snapshot: Snapshot) -> None:
+        if said or not snapshot.moving:
+            return
         assert console.lathe.ownership is not None
         console.lathe.ownership.see(ANOTHER)
         console.hear()
@@ -144,7 +147,7 @@ def test_who_was_pushed_aside_at_rest_ends_without_a_word(machine: MachineProfil
     sim = SimulatedLathe(machine)
     first, second = (console_of(sim, machine, tmp_path / name, locking=False) for name in ("here", "there"))
     interruption = Interruption()
-    guard(interruption, first.lathe)
+    guard(interruption, first.lathe, sim.now_s)
     first.owning.claim()
     second.owning.take_over()
     first.lathe.snapshot()
