@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -179,19 +180,6 @@ def test_a_cut_that_another_host_ends_is_told_with_its_turn_and_never_called_don
     assert shed.deepest_um > DEEPEST_UM
 
 
-def test_a_cut_that_another_console_stops_is_told_with_its_number(shed: Shed) -> None:
-    """It looks on from the home search on; Space is the only key that it is given."""
-    words = ["--machine", MACHINE, "--data", str(shed.order.data), "--link", shed.card.server.address]
-    shed.sees(lambda: shed.card.lathe.controller.motors[TOOL].home_complete)
-    with Terminal([sys.executable, "-m", "console", *words], columns=100, rows=30) as screen:
-        screen.wait_for("Looking on", ENDS_WITHIN_S)
-        shed.sees(shed.in_the_part)
-        screen.press("space")
-        err = is_not_called_good(shed)
-    assert re.search(r"console \d+, which looks on, stopped the cut", err) and ended_at_a_turn(err)
-    assert shed.deepest_um > DEEPEST_UM
-
-
 def test_a_cut_that_another_host_holds_is_stopped(shed: Shed) -> None:
     shed.sees(shed.in_the_part)
     at_s = shed.another_host_sends("&1H\r")
@@ -228,6 +216,26 @@ def test_a_digit_that_is_turned_on_the_wire_is_found_before_anything_moves(order
         assert "P11 in the controller" in is_not_called_good(shed)
         assert all(motor.position == 0.0 for motor in shed.card.lathe.controller.motors.values())
         is_untouched(shed)
+
+
+def test_a_cut_that_another_console_stops_is_told_with_its_number(shed: Shed, tmp_path: Path) -> None:
+    """It looks on from the home search on; Space is the only key that it is given."""
+    words = [
+        "--machine",
+        str(shed.order.machine_file),
+        "--data",
+        str(tmp_path),
+        "--link",
+        shed.card.server.address,
+    ]
+    shed.sees(lambda: shed.card.lathe.controller.motors[TOOL].home_complete)
+    with Terminal([sys.executable, "-m", "console", *words], columns=100, rows=30) as screen:
+        screen.wait_for("Looking on", ENDS_WITHIN_S)
+        shed.sees(shed.in_the_part)
+        screen.press("space")
+        err = is_not_called_good(shed)
+    assert re.search(r"console \d+, which looks on, stopped the cut", err) and ended_at_a_turn(err)
+    assert shed.deepest_um > DEEPEST_UM
 
 
 @contextmanager
