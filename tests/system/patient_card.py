@@ -92,10 +92,14 @@ class PatientCard:
                 for host in tuple(self.server.hosts):
                     host.flush()
                 await asyncio.sleep(0.0)
-                if self._stops_at is not None and self._stops_at():
-                    self._runs = not self._stands_then
-                    self._stops_at = None
-                    self._reached.set()
+                self._look()
+            self._look()  # also where time stands, because the console says nothing any more
+
+    def _look(self) -> None:
+        if self._stops_at is not None and self._stops_at():
+            self._runs = not self._stands_then
+            self._stops_at = None
+            self._reached.set()
 
     @property
     def _speed(self) -> float:
@@ -103,7 +107,9 @@ class PatientCard:
         lease = lease_timer(card.dialect).name
         guarded = card.variables.get(VariableKind.P, ACTIVITY) != Activity.NOTHING
         measured = card.variables.get(VariableKind.M, int(lease[1:])) > 0 and not guarded
-        return 1.0 if measured or card.systems[1].running else HURRY
+        # The host knows how long an axis takes to come to rest behind the trigger of its zero.
+        braking = any(each._jog.homing and not each._jog.seeking_home for each in card.motors.values())
+        return 1.0 if measured or braking or card.systems[1].running else HURRY
 
     def until(self, reached: Callable[[], bool]) -> None:
         """Let time run with the console until something is so; it stands still from then on."""
