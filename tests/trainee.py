@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from console.text.catalogue import load
+from console.tui.pace import QUIET_S
 from profiles.store import load_job
 from tests.terminal import Terminal, _command_line
 
@@ -17,6 +19,12 @@ FIRST_JOB = "lee-2001-experiment-1"
 A_NUMBER = r"([+-]?\d+(?:\.\d+)?)[^\n]*?"
 SPINDLE_STEPS = (30.0, 10.0, 1.0, 0.1, 0.01)
 TOOL_STEPS = (1.0, 0.1, 0.01, 0.001)
+PACE_S = 0.15
+"""Between two keys of a quick person."""
+
+JOG_PACE_S = 0.45
+"""Between two presses of a jog key: what is seen of the shortest step does not tell that it is over."""
+
 CLOSE_DEG, CLOSE_MM = 0.05, 0.0005
 """A servo spindle stands within a count of 0.036 deg and cannot be brought nearer; that is 0.14 um of 55."""
 SETTLES_DEG, SETTLES_MM = 0.05, 0.0025
@@ -52,6 +60,7 @@ class Trainee:
 
     def __init__(self, terminal: Terminal, language: str) -> None:
         self.terminal = terminal
+        self._pressed_s = float("-inf")
         self._text = load(language)
 
     def sees(self, key: str, timeout_s: float = 20.0) -> re.Match[str]:
@@ -62,9 +71,17 @@ class Trainee:
         assert found is not None, f"{key} was there and is gone\n{self.terminal.text}"
         return found
 
-    def press(self, *keys: str) -> None:
+    def press(self, *keys: str, pace_s: float = PACE_S) -> None:
+        """Press keys at the pace of a person: what comes faster is not taken."""
         for key in keys:
+            time.sleep(max(self._pressed_s + pace_s - time.monotonic(), 0.0))
             self.terminal.press(key)
+            self._pressed_s = time.monotonic()
+
+    def scans(self, text: str) -> None:
+        """Hold a code in front of a scanner: all of its characters come at once. Then wait as a person would."""
+        self.terminal.type(text)
+        time.sleep(QUIET_S + PACE_S)
 
     def opens_the_first_job(self) -> None:
         self.sees("activity.ready", 30.0)
@@ -111,9 +128,9 @@ class Trainee:
         self.press("enter")
         self.sees("align_page.valid_title")
 
-    def starts_the_cut(self) -> None:
+    def starts_the_cut(self, seen: str = "run_page.next.arm") -> None:
         self.press("5")
-        self.sees("run_page.next.arm")
+        self.sees(seen)
         self.press("f5")
         self.sees("run_page.next.armed")
         self.press("f6")
@@ -144,9 +161,10 @@ class Trainee:
                 continue
             self._takes_step(step, unit)
             while abs(left := self._read(to_go)) >= max(step, close):
-                self.press(keys[0] if left > 0.0 else keys[1])
+                self.press(keys[0] if left > 0.0 else keys[1], pace_s=JOG_PACE_S)
                 expected = left - step if left > 0.0 else left + step
                 self.terminal.wait_for(self._arrived(to_go, expected, 0.1 * step + settles), 30.0)
+        self._waits_for_rest()
         assert abs(self._read(to_go)) <= max(close, steps[-1])
 
     def _arrived(
@@ -167,7 +185,7 @@ class Trainee:
             self.terminal.wait_for(partial(self._has_left, before, unit), 5.0)
 
     def _waits_for_rest(self) -> None:
-        """A key that changes the step stops a jog that goes on: wait until nothing has moved for half a second."""
+        """A key that changes the step stops a jog, Enter is refused: wait until all rested for half a second."""
         ready = re.compile(self._pattern("activity.ready"))
         for _ in range(20):
             try:

@@ -7,6 +7,7 @@ from functools import partial
 from importlib.metadata import version
 
 from console.session.alignment import problems
+from console.session.blank import touched_by
 from console.session.calibrated_chuck import calibrations_of
 from console.session.compensated import compensation_problems, path_of, stored_problems
 from console.session.errors import SessionError
@@ -256,7 +257,8 @@ def _refuse_changed(place: Workplace, plan: CutPlan) -> None:
 
 
 def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:
-    place.tell(cut=watch.see(snapshot, stage, place.lathe.held, place.state.spindle_rpm))
+    cut = watch.see(snapshot, stage, place.lathe.held, place.state.spindle_rpm)
+    place.tell(cut=cut, touched=touched_by(cut, place.state.touched))
 
 
 def _between_polls(place: Workplace, planned: PlannedCut, snapshot: Snapshot) -> None:

@@ -6,7 +6,7 @@ Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from console.session.alignment import Alignment, aligned_machine
 from console.session.axis_units import counts_per_unit
@@ -18,7 +18,7 @@ from profiles.machine import MachineProfile
 
 STEPS_MM = (0.001, 0.01, 0.1, 1.0, 10.0)
 STEPS_DEG = (0.01, 0.1, 1.0, 10.0, 30.0)
-"""One ladder: the same rung counts for every axis, so that no key changes its meaning behind another."""
+"""Two ladders with a choice each: what is chosen in one says nothing of the other."""
 
 FIRST_RUNG = 1
 IDLE_S = 30.0
@@ -51,9 +51,33 @@ class JogEnable:
         return not stopped and self.left_s(now_s) > 0.0
 
 
+def ladder_of(axis: AxisName) -> tuple[float, ...]:
+    """Return the steps of an axis, mm or degrees."""
+    return STEPS_DEG if axis is AxisName.SPINDLE else STEPS_MM
+
+
 def step_of(axis: AxisName, rung: int) -> float:
     """Return the length of a step on a rung of the ladder, mm or degrees."""
-    return STEPS_DEG[rung] if axis is AxisName.SPINDLE else STEPS_MM[rung]
+    return ladder_of(axis)[rung]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Steps:
+    """The rungs that are chosen on the two ladders."""
+
+    mm: int = FIRST_RUNG
+    deg: int = FIRST_RUNG
+
+    def of(self, axis: AxisName) -> float:
+        """Return the length of a step of an axis, mm or degrees."""
+        return step_of(axis, self.deg if axis is AxisName.SPINDLE else self.mm)
+
+    def changed(self, axis: AxisName, by: int) -> Steps:
+        """Return the choice with the ladder of an axis so many rungs longer, as far as there are any."""
+        last = len(ladder_of(axis)) - 1
+        if axis is AxisName.SPINDLE:
+            return replace(self, deg=min(max(self.deg + by, 0), last))
+        return replace(self, mm=min(max(self.mm + by, 0), last))
 
 
 def tool_radius_mm(position_counts: float, machine: MachineProfile, alignment: Alignment) -> float:

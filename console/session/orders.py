@@ -108,7 +108,7 @@ def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
         at=place.local_time(),
     )
     alignment = replace(place.state.alignment, clamping=stamp, lost=())
-    place.tell(alignment=alignment, cut=None, cut_done=False, marks_mm=(), measured=None)
+    place.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
 
 
 def switch_on(place: Workplace, _: SwitchOn) -> None:

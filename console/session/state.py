@@ -130,14 +130,23 @@ class MeasuredPart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TouchedBlank:
+    """How far the clamped blank is cut at most: to Z `to_mm` behind its face, by a cut of `of_mm`."""
+
+    to_mm: float
+    of_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StationState:
     """One moment. `at_s` is machine time.
 
     `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
     job, that was cut without compensation and measured. `refusals` answer the last order, and go with the next.
     `spindle_rpm` is None while too little was seen of it. `stops` counts those that were settled. `marks_mm` is
-    where stops left the tool in the clamped part while it turned, mm behind its face. `standing` is what this
-    console is to the machine, `holder` the number of the one that controls it.
+    where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
+    cut, by however many cuts, None while no tool has been in it. `standing` is what this console is to the
+    machine, `holder` the number of the one that controls it.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -160,6 +169,7 @@ class StationState:
     armed: Armed | None = None
     cut: CutProgress | None = None
     cut_done: bool = False
+    touched: TouchedBlank | None = None
     marks_mm: tuple[float, ...] = ()
     measured: MeasuredPart | None = None
     uncompensated: MeasuredPart | None = None

@@ -16,12 +16,13 @@ from textual.containers import Container
 from textual.driver import Driver
 
 from console.session.control import Control
+from console.session.state import Activity
 from console.text.catalogue import Catalogue
 from console.tui.chosen_path import ChosenPath
 from console.tui.desk import Desk, View
-from console.tui.driver import StopSent
+from console.tui.driver import StopSent, TooFast, Written
 from console.tui.frame import MARKS, ROWS, Frame, frame_rows, unseen_alarm
-from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge
+from console.tui.gate import PASTED, FieldKind, Situation, Verdict, is_page, is_stray, judge, stop_reason
 from console.tui.held import HeldKeys
 from console.tui.help import LISTS, help_lines
 from console.tui.keymap import Action, PageName
@@ -48,6 +49,9 @@ MESSAGES = -1
 
 TAKE_OVER_WITHIN_S = 5.0
 """How soon the key that takes a machine over has to be pressed again."""
+
+SETTLED_S = 1.0
+"""So long after the last order it is known whether something moves by it: by a look that is no older."""
 
 PAGE_CLASSES = {
     PageName.JOBS: ("console.tui.pages.jobs", "JobsPage"),
@@ -101,7 +105,6 @@ class ConsoleApp(App[None]):
             self.register_theme(theme)
         self.theme = (DARK_THEME if palette is COLOUR else MONO_THEME).name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self.field_kind = FieldKind.NONE
         self.desk = Desk(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
         self._begin = begin
         self._ui_loop: asyncio.AbstractEventLoop | None = None
@@ -114,7 +117,7 @@ class ConsoleApp(App[None]):
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
         self._listed = 0
-        self._asked_over_s = float("-inf")
+        self._asked_over_s = self._acted_s = float("-inf")
         self._held = HeldKeys()
         self._collector_spared = False
         self._previewer = Previewer()
@@ -171,7 +174,6 @@ class ConsoleApp(App[None]):
             return
         if not self._reading:
             self._safely(lambda: page.show(view))
-        self.field_kind = page.field
         self._safely(lambda: self._show_frame(page, view))
 
     def _spare_the_stop(self, may_move: bool) -> None:
@@ -200,26 +202,66 @@ class ConsoleApp(App[None]):
         self._show_list(0)
         self.call_after_refresh(self.tick)
 
-    def stop_now(self, key: str) -> None:
-        """Stop the machine. Called from the thread that reads the terminal, too."""
-        self.desk.control.stop(key)
+    def situation(self) -> Situation:
+        """Return what a key is judged by now. Called from the thread that reads the terminal, too."""
+        state = self.desk.control.state
+        return Situation(
+            page=self._page,
+            field=self._field,
+            moving=state.may_move,
+            small=self._is_small,
+            jogging=state.activity is Activity.JOGGING,
+            jog=self.desk.jog,
+            reading=self._reading,
+            at_rest=self._is_known_at_rest,
+        )
 
-    def kill_now(self, key: str) -> None:
+    @property
+    def _field(self) -> FieldKind:
+        """What kind of field has the keys now. A page that is being made has none."""
+        page = self._pages.get(self._page)
+        return FieldKind.NONE if page is None else page.field
+
+    @property
+    def _is_known_at_rest(self) -> bool:
+        """Whether nothing moves, nor is about to by an order that the machine has not begun yet."""
+        state, now_s = self.desk.control.state, self.desk.control.now_s()
+        if state.activity is Activity.CONNECTING:
+            return True
+        settled = now_s - self._acted_s > SETTLED_S and not state.is_stale(now_s)
+        return settled and not state.seen_moving and not state.may_move
+
+    def stop_now(self, reason: str) -> None:
+        """Stop the machine. Called from the thread that reads the terminal, too."""
+        self.desk.control.stop(reason)
+
+    def kill_now(self, reason: str) -> None:
         """Open every loop of the machine. Called from the thread that reads the terminal, too."""
-        self.desk.control.kill(key)
+        self.desk.control.kill(reason)
 
     async def on_event(self, event: events.Event) -> None:
         """Judge every key before anybody else sees it."""
         if isinstance(event, events.Key) and not event.is_forwarded:
             if self._took(event):
                 return
-        elif isinstance(event, events.Paste) and not event.is_forwarded and self.field_kind is not FieldKind.TEXT:
+        elif isinstance(event, events.Paste) and not event.is_forwarded and self._field is not FieldKind.TEXT:
             self._pasted()
             return
         await super().on_event(event)
 
-    def on_stop_sent(self, _: StopSent) -> None:
+    def on_stop_sent(self, sent: StopSent) -> None:
         """A stop went out; show it at once."""
+        if sent.action is not None:
+            self._say_changed(sent.action)
+        self.tick()
+
+    def on_too_fast(self, keys: TooFast) -> None:
+        """Keys came that nobody has typed."""
+        if keys.written:
+            code = "screen.too_fast_entry"
+        else:
+            code = "screen.too_fast_stopped" if keys.stopped else "screen.too_fast"
+        self.desk.say_until_key(Problem(code=code))
         self.tick()
 
     def action_quit(self) -> None:  # type: ignore[override]
@@ -302,25 +344,24 @@ class ConsoleApp(App[None]):
     def _took(self, event: events.Key) -> bool:
         """Do what a key asks for; False when it belongs to the field that has the focus."""
         page = self._pages[self._page]
-        now = Situation(
-            page=self._page,
-            field=page.field,
-            moving=self.desk.control.state.may_move,
-            small=self._is_small,
-            reading=self._reading,
-        )
+        now = self.situation()
         verdict, action = judge(event.key, event.character, now)
         match verdict:
             case Verdict.FIELD:
                 return False
-            case Verdict.STOP:
-                known = event.key in ("space", "escape", "f12")
-                self.stop_now(event.key if known else "unbound")
+            case Verdict.STOP if isinstance(event, Written) and event.stopped:
+                pass  # by the thread that read it; here it stands in the number that it interrupts
+            case Verdict.STOP if action is None or not is_page(action):
+                self.stop_now(stop_reason(event.key, event.character, action))
+                if action is not None:
+                    self._say_changed(action)
             case Verdict.KILL:
                 self.kill_now(event.key)
+            case Verdict.ACTION if isinstance(event, Written):
+                self.desk.said = (Problem(code="screen.entry_over"),)
             case Verdict.ACTION if action is not None and action.id in ("messages", "list.up", "list.down"):
                 self._read(action)  # what was said stays said: it is to be read
-            case Verdict.ACTION if action is not None:
+            case Verdict.ACTION | Verdict.STOP if action is not None:
                 self.desk.said = ()
                 self._dismissed = self.desk.control.state.refusals
                 self._do(action, page)
@@ -328,6 +369,11 @@ class ConsoleApp(App[None]):
         if stray := is_stray(event.key, event.character, now):
             self.desk.said = (Problem(code="screen.not_of_a_number", value=event.character or ""),)
         return not stray
+
+    def _say_changed(self, action: Action) -> None:
+        """Say for which key the machine was stopped, which means another motion than the one that went on."""
+        if not is_page(action):
+            self.desk.say_until_key(Problem(code="screen.key_in_motion", key=action.shown))
 
     def _do(self, action: Action, page: Page) -> None:
         kind, _, rest = action.id.partition(".")
@@ -353,6 +399,7 @@ class ConsoleApp(App[None]):
             self._post_take_over()
         else:
             self._show_list(0)
+            self._acted_s = self.desk.control.now_s()
             self._safely(lambda: page.act(action.id))
 
     @property
@@ -377,6 +424,7 @@ class ConsoleApp(App[None]):
         from console.session.intents import Recover  # not needed for the first paint, as below
 
         state = self.desk.control.state
+        self._acted_s = self.desk.control.now_s()
         if state.stop is not None or (state.snapshot is not None and state.snapshot.lost):
             self.desk.control.post(Recover())
 
@@ -420,5 +468,8 @@ class ConsoleApp(App[None]):
 
     def _pasted(self) -> None:
         """What is pasted outside a text was not typed: it does nothing, and stops what moves."""
-        if self.desk.control.state.may_move:
-            self.stop_now("unbound")
+        moving = self.desk.control.state.may_move
+        self.desk.say_until_key(Problem(code="screen.pasted_stopped" if moving else "screen.pasted"))
+        if moving:
+            self.stop_now(PASTED)
+        self.call_after_refresh(self.tick)

@@ -22,7 +22,7 @@ Moment = tuple[Activity, bool, bool]
 class Desk:
     """One for the whole program. `work` is replaced, never changed; `said` is the answer to the last key.
 
-    `go` shows another page. `data` is the operator's folder.
+    `go` shows another page. `data` is the operator's folder. `jog` is the action that asked for the last jog step.
     """
 
     def __init__(
@@ -42,6 +42,7 @@ class Desk:
         self.data = data
         self.go = go
         self.work: Work | None = None
+        self.jog: str | None = None
         self._said: tuple[Problem, ...] = ()
         self._said_at: Moment | None = None
 
@@ -54,8 +55,8 @@ class Desk:
     def said(self, problems: tuple[Problem, ...]) -> None:
         self._said, self._said_at = problems, _moment(self.control.state)
 
-    def say_why_stopped(self, problem: Problem) -> None:
-        """Say for what the machine is being stopped: it stays said until the next key."""
+    def say_until_key(self, problem: Problem) -> None:
+        """Say what stays true whatever the machine does, as for what it is being stopped, until the next key."""
         self._said, self._said_at = (problem,), None
 
     def forget_stale_answer(self, state: StationState) -> None:

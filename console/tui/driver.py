@@ -1,7 +1,8 @@
 """The thread that reads the terminal stops the machine itself: a stop never waits for the screen.
 
 A key goes from here into the queue of the application, which may be busy painting, or stuck because the
-terminal takes nothing. A stop key is acted on before that.
+terminal takes nothing. A stop key is acted on before that. Any other action is passed on once it is known that it
+came alone, as from a person: see `pace.py`.
 """
 
 from __future__ import annotations
@@ -19,8 +20,20 @@ from textual.app import App
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
-from console.tui.gate import FieldKind, stops_at_once
-from console.tui.keymap import KILL_KEYS, STOP_KEYS
+from console.tui.gate import (
+    PASTED,
+    UNREADABLE,
+    FieldKind,
+    Situation,
+    Verdict,
+    is_modifier,
+    is_page,
+    is_stray,
+    judge,
+    stop_reason,
+)
+from console.tui.keymap import STOP_KEYS, Action, PageName
+from console.tui.pace import QUIET_S, Pace
 
 WAIT_S = 0.1
 """How long the reading thread waits for a key before it looks whether it is to end."""
@@ -31,23 +44,50 @@ PASTE_BEGINS, PASTE_ENDS = "\x1b[200~", "\x1b[201~"
 PASTE_SILENCE_S = 0.5
 """How long nothing may come in the middle of a paste."""
 
-UNREADABLE = "unreadable"
-"""The key of whatever the terminal said that is no key: bound to nothing, so that it stops what moves."""
-
 
 class StopSent(Message):
-    """A stop key was pressed and has been acted on."""
+    """A stop key was pressed and has been acted on; `action` is what else the key means, when something moved."""
+
+    def __init__(self, action: Action | None = None) -> None:
+        super().__init__()
+        self.action = action
+
+
+class TooFast(Message):
+    """Keys came faster than a person types: they did nothing, but for a stop among them (`stopped`).
+
+    With `written` they have written into a field, and what would have ended the entry was dropped.
+    """
+
+    def __init__(self, *, written: bool = False, stopped: bool = False) -> None:
+        super().__init__()
+        self.written, self.stopped = written, stopped
+
+
+class Written(events.Key):
+    """A key that was taken for a field's, and so not held back: it may write or stop, and nothing else.
+
+    The field may be closed before the application comes to it. With `stopped` it was a stop, and has been one.
+    """
+
+    def __init__(self, key: str, character: str | None, *, stopped: bool = False) -> None:
+        super().__init__(key, character)
+        self.stopped = stopped
+
+
+Written.handler_name = events.Key.handler_name  # for whoever handles keys it is one
 
 
 class StopTarget(Protocol):
-    """What the driver needs of the application; plain attributes, so that reading them waits for nothing."""
+    """What the driver needs of the application; nothing of it waits, whatever the application does."""
 
-    field_kind: FieldKind
+    def situation(self) -> Situation:
+        """Return what a key is judged by now."""
 
-    def stop_now(self, key: str) -> None:
+    def stop_now(self, reason: str) -> None:
         """Stop the machine."""
 
-    def kill_now(self, key: str) -> None:
+    def kill_now(self, reason: str) -> None:
         """Open every loop."""
 
 
@@ -58,22 +98,19 @@ class StopDriver(LinuxDriver):
         self, app: App[Any], *, debug: bool = False, mouse: bool = True, size: tuple[int, int] | None = None
     ) -> None:
         super().__init__(app, debug=debug, mouse=mouse, size=size)
+        self._pace: Pace[events.Key] = Pace()
+        self._stopped_s = float("-inf")
         # A console that sleeps stops nothing. And Textual answers each SIGCONT, which a hang-up brings along,
         # with one more thread that reads the same terminal.
         for number in (signal.SIGTSTP, signal.SIGCONT):
             signal.signal(number, signal.SIG_IGN)
 
     def process_message(self, message: Message) -> None:
-        """Act on a stop key here, in the thread that read it; pass everything else on."""
-        if isinstance(message, events.Key):
-            target = cast(StopTarget, self._app)
-            if stops_at_once(message.key, target.field_kind):
-                target.stop_now(message.key)
-                message = StopSent()
-            elif message.key in KILL_KEYS:
-                target.kill_now(message.key)
-                message = StopSent()
-        super().process_message(message)
+        """Act on a stop key here, in the thread that read it; hold an action back, and pass everything else on."""
+        if isinstance(message, events.Key) and not is_modifier(message.key):
+            self._hear(message, time.monotonic())
+        else:
+            super().process_message(message)
 
     def run_input_thread(self) -> None:
         """Read keys until the screen is left. Nothing that a terminal can say ends it but the terminal's own end.
@@ -84,7 +121,8 @@ class StopDriver(LinuxDriver):
         decode = getincrementaldecoder("utf-8")("replace").decode
         while not self.exit_event.is_set():
             said: list[Message] = []
-            if select.select([self.fileno], [], [], WAIT_S)[0]:
+            wait_s = self._pace.wait_s(time.monotonic(), WAIT_S)
+            if select.select([self.fileno], [], [], wait_s)[0]:
                 data = _read(self.fileno)
                 if not data:
                     # Whoever has no controlling terminal is not told by the kernel.
@@ -94,6 +132,38 @@ class StopDriver(LinuxDriver):
                     said += reader.read(character, time.monotonic())
             for message in (*said, *reader.idle(time.monotonic())):
                 self.process_message(message)
+            # Behind all that has come: a thread that was held up must not take for alone what was not.
+            for key in self._pace.due(time.monotonic()):
+                super().process_message(key)
+
+    def _hear(self, key: events.Key, now_s: float) -> None:
+        target = cast(StopTarget, self._app)
+        try:
+            now = target.situation()
+        except Exception:  # in doubt it moves: this thread goes on, and every stop is one
+            now = Situation(page=PageName.JOBS, moving=True)
+        verdict, action = judge(key.key, key.character, now)
+        written = now.field is not FieldKind.NONE
+        if verdict in (Verdict.STOP, Verdict.KILL):
+            send = target.kill_now if verdict is Verdict.KILL else target.stop_now
+            send(stop_reason(key.key, key.character, action))
+            self._stopped_s = now_s
+            burst = self._pace.hear(key.key, now_s)
+            super().process_message(StopSent(action))
+            if is_stray(key.key, key.character, now):
+                super().process_message(Written(key.key, key.character, stopped=True))
+            if action is not None and is_page(action) and not burst:
+                self._pace.hold(key.key, key, now_s)  # once it was stopped, looking is harmless
+        elif verdict is Verdict.FIELD or is_stray(key.key, key.character, now):
+            # A scanner may write, but what it has written must be read before it is taken.
+            character = key.character is not None and key.character.isprintable()
+            burst = self._pace.write(key.key, now_s, character=character)
+            super().process_message(Written(key.key, key.character))
+        else:
+            burst = self._pace.hold(key.key, key, now_s)
+        if burst:
+            stopped = now_s - self._stopped_s <= QUIET_S
+            super().process_message(TooFast(written=written, stopped=stopped))
 
 
 class Reader:
@@ -118,7 +188,7 @@ class Reader:
             return self._begun_anew()
         if self._last == PASTE_BEGINS:
             self._pasting = True
-            said.append(_unreadable())
+            said.append(events.Key(PASTED, None))
         elif self._last == PASTE_ENDS:
             self._pasting = False
         # An escape sequence that is given up for the next comes with a caret in the place of its Escape.

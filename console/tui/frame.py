@@ -241,5 +241,8 @@ def frame_rows(frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
 
 def _reason(text: Catalogue, reason: str) -> str:
     """A key is named as it is written, anything else as it is."""
-    known = ("space", "escape", "f9", "f12", "unbound", "page", "screen")
+    known = ("space", "escape", "f9", "f12", "unbound", "unreadable", "paste", "page", "screen")
+    kind, _, key = reason.partition(" ")
+    if kind in ("unbound", "change", "page") and key:
+        return text(f"stop_reason.{kind}_key", key=key)
     return text(f"stop_reason.{reason}") if reason in known else reason

@@ -9,12 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from console.tui.keymap import KILL_KEYS, READING, STOP_KEYS, Action, PageName, action_of
+from console.tui.keymap import CLOSE, KILL_KEYS, READING, STOP_KEYS, Action, PageName, Stops, action_of
 
 NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
 LISTS = ("help", "messages")
 """What a list in the place of the page is opened with, also in the middle of a number."""
+UNREADABLE, PASTED = "unreadable", "paste"
+"""The keys of whatever the terminal said that is no key: bound to nothing, so that they stop what moves."""
 
 HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
 
@@ -41,7 +43,9 @@ class Verdict(Enum):
 class Situation:
     """What a key is judged by. `small`: the terminal is too small for a page, nothing may be moved.
 
-    `reading`: a list is in the place of the page, and the keys that scroll it do nothing else.
+    `reading`: a list is in the place of the page, and the keys that scroll it do nothing else. `jogging` is
+    whether what moves is a jog step, `jog` the action that asked for the last one. `at_rest`: it is known that
+    nothing moves, nor is about to.
     """
 
     page: PageName
@@ -49,31 +53,40 @@ class Situation:
     moving: bool = False
     small: bool = False
     reading: bool = False
+    jogging: bool = False
+    jog: str | None = None
+    at_rest: bool = False
 
 
-def stops_at_once(key: str, field: FieldKind) -> bool:
-    """Whether a key is a stop whatever the machine does. Space writes a space in free text; F12 stops there."""
+def stops_at_once(key: str, now: Situation) -> bool:
+    """Whether a key is a stop whatever the machine does. Space writes a space in free text; F12 stops there.
+
+    Escape closes a list while nothing moves.
+    """
     if key == "space":
-        return field is not FieldKind.TEXT
-    return key in STOP_KEYS
+        # Behind a list nothing is written, so Space is no space there.
+        return now.reading or now.field is not FieldKind.TEXT
+    return key in STOP_KEYS and not _closes_list(key, now)
 
 
 def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Action | None]:
     """Return what becomes of a key, with its action.
 
-    While something moves, a key that means nothing is a stop, and so is an Alt-key, which may hide an Escape.
+    While something moves, a key that means nothing is a stop, and so is an Alt-key, which may hide an Escape. A
+    stop with an action is that of a key which means another motion than the one that goes on.
     """
-    # Behind a list nothing is written, so Space is no space there.
-    if stops_at_once(key, FieldKind.NONE if now.reading else now.field):
+    if stops_at_once(key, now):
         return Verdict.STOP, None
     if key in KILL_KEYS:
         return Verdict.KILL, None
+    if _closes_list(key, now):
+        return Verdict.ACTION, CLOSE
     if _writes(key, character, now.field) and not now.reading:
         return Verdict.FIELD, None
     action = _action(key, character, now)
     if action is not None:
-        return Verdict.ACTION, action
-    if now.moving and not _modifier_alone(key):
+        return (Verdict.STOP if _changes(action, now) else Verdict.ACTION), action
+    if now.moving and not is_modifier(key):
         return Verdict.STOP, None
     return Verdict.NOTHING, None
 
@@ -107,6 +120,41 @@ def _action(key: str, character: str | None, now: Situation) -> Action | None:
     return None if interrupts and now.field is FieldKind.NUMBER else action
 
 
+def stop_reason(key: str, character: str | None, action: Action | None) -> str:
+    """Return why a key stops the machine: its name, or a word for the reason and how the key is written."""
+    if key in (*STOP_KEYS, *KILL_KEYS, UNREADABLE, PASTED):
+        return key
+    if action is not None:
+        return f"{'page' if is_page(action) else 'change'} {action.shown}"
+    if "+" in key:  # with Alt or Ctrl, whatever character comes with it
+        return f"unbound {key}"
+    printed = character is not None and character.isprintable()
+    return f"unbound {character if printed else key.capitalize()}"
+
+
+def is_page(action: Action) -> bool:
+    """Whether an action shows a page."""
+    return action.id.startswith("page.")
+
+
+def is_modifier(key: str) -> bool:
+    """Whether a key is none alone: newer terminals report Shift and its like as keys ("left_shift")."""
+    return key.removeprefix("left_").removeprefix("right_") in HARMLESS_KEYS
+
+
+def _closes_list(key: str, now: Situation) -> bool:
+    return key == "escape" and now.reading and now.at_rest and not now.moving and not now.small
+
+
+def _changes(action: Action, now: Situation) -> bool:
+    """Whether a key means another motion than the one that goes on, or leaves the page of a jog step."""
+    if not now.moving or action.stops is Stops.NOTHING:
+        return False
+    if action.stops is Stops.JOG:
+        return now.jogging and action.id != f"page.{now.page}"
+    return not (now.jogging and action.id == now.jog)
+
+
 def _writes(key: str, character: str | None, field: FieldKind) -> bool:
     if field is FieldKind.NONE:
         return False
@@ -115,8 +163,3 @@ def _writes(key: str, character: str | None, field: FieldKind) -> bool:
     if field is FieldKind.NUMBER:
         return character in NUMBER_CHARACTERS
     return character is not None and character.isprintable()
-
-
-def _modifier_alone(key: str) -> bool:
-    """Newer terminals report Shift and its like as keys of their own ("left_shift")."""
-    return key.removeprefix("left_").removeprefix("right_") in HARMLESS_KEYS

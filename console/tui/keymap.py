@@ -8,7 +8,7 @@ on Enter. Stop is not a binding like the others: it is decided first, in `gate.p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import Enum, StrEnum, auto
 
 
 class PageName(StrEnum):
@@ -22,12 +22,20 @@ class PageName(StrEnum):
     INSPECT = "inspect"
 
 
+class Stops(Enum):
+    """What has to move for a key to be a change of mind, which stops it first: nothing, a jog step, anything."""
+
+    NOTHING = auto()
+    JOG = auto()
+    MOTION = auto()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
     """One action. `shown` is how its key is written in the help, with the words `key_help.<id>` of the catalogues.
 
     The key row writes `row` where that differs, "" leaves the action out there, with the words `key.<id>`.
-    `once`: a key that is held down does it once.
+    `once`: a key that is held down does it once. `stops`: what its key stops, should that move.
     """
 
     id: str
@@ -37,16 +45,22 @@ class Action:
     page: PageName | None = None
     moves: bool = False
     once: bool = False
+    stops: Stops = Stops.NOTHING
 
 
 STOP_KEYS = ("space", "escape", "f12")
-"""Space and F12 anywhere but in free text, where it is F12; Escape second: a terminal may lose it."""
+"""Space and F12 anywhere but in free text, where it is F12; Escape second: a terminal may lose it.
+
+Escape closes the list of keys where one is open and nothing moves.
+"""
 
 KILL_KEYS = ("f9",)
 
+CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
+
 _EVERYWHERE = (
     *(
-        Action(id=f"page.{page}", keys=(str(number),), shown=str(number))
+        Action(id=f"page.{page}", keys=(str(number),), shown=str(number), stops=Stops.JOG)
         for number, page in enumerate(PageName, start=1)
     ),
     Action(id="recover", keys=("f2",), shown="F2"),
@@ -55,7 +69,7 @@ _EVERYWHERE = (
     Action(id="messages", keys=("w", "ㅈ"), shown="w", row=""),
     Action(id="help", keys=("?", "f1"), shown="?"),
     Action(id="quit", keys=("ctrl+q",), shown="^Q"),
-    Action(id="close", keys=("backspace",), shown="⌫"),
+    CLOSE,
 )
 
 _JOBS = (
@@ -81,20 +95,33 @@ _PREVIEW = (
     Action(id="preview.down", keys=("down", "pagedown"), shown="↓", row="", page=PageName.PREVIEW),
 )
 
+
+def _jog(way: str, key: str, shown: str, *, row: str) -> Action:
+    return Action(
+        id=f"align.{way}",
+        keys=(key,),
+        shown=shown,
+        row=row,
+        page=PageName.ALIGN,
+        moves=True,
+        stops=Stops.MOTION,
+    )
+
+
 _ALIGN = (
     Action(id="align.step", keys=("f4",), shown="F4", page=PageName.ALIGN, moves=True, once=True),
     Action(id="align.take", keys=("enter",), shown="Enter", page=PageName.ALIGN, once=True),
     Action(id="align.enable", keys=("j", "ㅓ"), shown="j", page=PageName.ALIGN),
-    Action(id="align.in", keys=("down",), shown="↓", row="", page=PageName.ALIGN, moves=True),
-    Action(id="align.out", keys=("up",), shown="↑", row="↑↓", page=PageName.ALIGN, moves=True),
-    Action(id="align.chuck", keys=("left",), shown="←", row="←→", page=PageName.ALIGN, moves=True),
-    Action(id="align.tail", keys=("right",), shown="→", row="", page=PageName.ALIGN, moves=True),
-    Action(id="align.forward", keys=("pageup",), shown="PgUp", row="PgUp/Dn", page=PageName.ALIGN, moves=True),
-    Action(id="align.backward", keys=("pagedown",), shown="PgDn", row="", page=PageName.ALIGN, moves=True),
-    Action(id="align.larger", keys=("+", "="), shown="+", row="+-", page=PageName.ALIGN),
-    Action(id="align.smaller", keys=("-",), shown="-", row="", page=PageName.ALIGN),
+    _jog("in", "down", "↓", row=""),
+    _jog("out", "up", "↑", row="↑↓"),
+    _jog("chuck", "left", "←", row="←→"),
+    _jog("tail", "right", "→", row=""),
+    _jog("forward", "pageup", "PgUp", row="PgUp/Dn"),
+    _jog("backward", "pagedown", "PgDn", row=""),
+    Action(id="align.larger", keys=("+", "="), shown="+", row="+-", page=PageName.ALIGN, stops=Stops.JOG),
+    Action(id="align.smaller", keys=("-",), shown="-", row="", page=PageName.ALIGN, stops=Stops.JOG),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row="", page=PageName.ALIGN),
-    Action(id="align.off", keys=("f3",), shown="F3", page=PageName.ALIGN),
+    Action(id="align.off", keys=("f3",), shown="F3", page=PageName.ALIGN, stops=Stops.MOTION),
 )
 
 _RUN = (

@@ -23,8 +23,8 @@ pytestmark = pytest.mark.system
 PROMPT_S = 6.0
 """For a console that is told to end in mid-motion: ramp, drives off, and the proof of rest after both."""
 
-MORE_THAN_THE_LINE_HOLDS = ("1", "5") * 40
-"""Pages to be painted, until the screen waits for a line that takes nothing."""
+MORE_THAN_THE_LINE_HOLDS = ("?",) * 80
+"""Lists of keys to be painted, one key as if it were held down, until the screen waits for a stalled line."""
 
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 # What is said may have the remark before it that the machine is waited for.
@@ -168,7 +168,7 @@ def test_a_console_that_was_suspended_goes_on_with_all_its_keys(tmp_path: Path) 
             terminal.signal(signal.SIGCONT)
             terminal.signal(signal.SIGTSTP)
         for _ in range(10):
-            terminal.press("pagedown", "4")
+            trainee.press("pagedown", "4")
             trainee.sees("align_page.next.clamp")
             terminal.press("2")
             trainee.sees("setup.next.ready")

@@ -13,7 +13,9 @@ from textual import events
 from textual.message import Message
 
 from console.tui.driver import Reader, StopDriver
-from console.tui.gate import FieldKind
+from console.tui.gate import FieldKind, Situation
+from console.tui.keymap import PageName
+from console.tui.pace import Pace
 from tests.terminal import KEYS
 from tests.trainee import Trainee, console, console_at
 
@@ -25,7 +27,7 @@ REST_S = 3.0
 PENDING = ("\x1b", "\x1bd", "u", "\x1b[1 ")
 """Ends of what may go on, so that it is known only after a while what was said."""
 
-UNBOUND = "a key that means nothing here"
+NO_KEY = "something that is no key"
 PASTE = "\x1b[200~G0 X-10\r\x1b[201~"
 SUPPORT_REPLY, RELEASE, ARROW_RELEASE = "\x1b[?27u", "\x1b[97;1:3u", "\x1b[1;1:3A"
 
@@ -73,42 +75,50 @@ def test_a_stop_key_stops_on_every_page(trainee: Trainee) -> None:
         ("6", "f12", "F12"),
     ):
         homes_again(trainee)
-        trainee.press(page)
-        trainee.press(key)
+        trainee.press(page, key)
         is_stopped_by(trainee, reason)
 
 
 @pytest.mark.parametrize(
     "typed",
     [
-        ("x", "\x1bd", PASTE, KEYS["f11"], KEYS["ctrl+t"]),
-        (SUPPORT_REPLY, RELEASE, ARROW_RELEASE, "\x1b[99999999999u"),
+        {
+            "x": "x means nothing here",
+            "\x1bd": "alt+d means nothing here",
+            PASTE: "something pasted",
+            KEYS["f11"]: "F11 means nothing here",
+            KEYS["ctrl+t"]: "ctrl+t means nothing here",
+            KEYS["left"]: "← pressed in motion",
+        },
+        dict.fromkeys((SUPPORT_REPLY, RELEASE, ARROW_RELEASE, "\x1b[99999999999u"), NO_KEY),
     ],
 )
-def test_what_means_nothing_stops_what_moves(trainee: Trainee, typed: tuple[str, ...]) -> None:
-    for text in typed:
+def test_what_means_nothing_or_something_else_stops_what_moves_and_is_named(
+    trainee: Trainee, typed: dict[str, str]
+) -> None:
+    for text, reason in typed.items():
         homes_again(trainee)
         trainee.terminal.type(text)
-        is_stopped_by(trainee, UNBOUND)
+        is_stopped_by(trainee, reason)
 
 
 def test_bytes_that_are_no_text_stop_what_moves(trainee: Trainee) -> None:
     homes_again(trainee)
     os.write(trainee.terminal._master, b"\xff\xfe")
-    is_stopped_by(trainee, UNBOUND)
+    is_stopped_by(trainee, "\ufffd means nothing here")
 
 
 def test_a_paste_whose_end_is_lost_stops_and_does_not_keep_the_keys(trainee: Trainee) -> None:
     homes_again(trainee)
     trainee.terminal.type("\x1b[200~G0 X-10")
-    is_stopped_by(trainee, UNBOUND)
+    is_stopped_by(trainee, "something pasted")
     homes_again(trainee)
     trainee.press("space")
     is_stopped_by(trainee, "Space")
 
 
 def test_with_the_help_open_a_key_stops_as_well(trainee: Trainee) -> None:
-    for key, reason in (("space", "Space"), ("x", UNBOUND)):
+    for key, reason in (("space", "Space"), ("escape", "Esc"), ("x", "x means nothing here")):
         homes_again(trainee)
         trainee.press("?")
         trainee.sees("key_help.align.enable", 2.0)
@@ -131,7 +141,7 @@ def test_a_stop_does_not_wait_for_a_screen_that_hangs(trainee: Trainee) -> None:
     terminal.resize(160, 48)
     homes_again(trainee)
     terminal.stall()
-    terminal.press(*("1", "5") * 40, "space")
+    terminal.press(*["?"] * 80, "space")
     # Had the key waited, the watch over the screen would have stopped the machine, or the search been over.
     with pytest.raises(AssertionError, match="not on the screen"):
         terminal.wait_for("STOPPED", 4.0)
@@ -181,7 +191,8 @@ def test_what_a_terminal_says_of_itself_does_nothing_at_rest(said: str, tmp_path
         trainee.sees("activity.ready")
         terminal.type(said)
         # The key behind it is answered, on the page that was there; neither help nor another page came.
-        terminal.press("down", "enter")
+        trainee.scans("")  # what came close to it would be no key of a person
+        trainee.press("down", "enter")
         terminal.wait_for("Set-up: lee-2001-experiment-2", 3.0)
         terminal.press("ctrl+q")
         assert terminal.wait_exit(2.0) == 0
@@ -211,8 +222,8 @@ def keys_of(typed: str) -> list[str]:
         (RELEASE + " ", ["unreadable", "space"]),
         ("\x1b[1 ", ["space"]),
         # A paste, and one whose end does not come.
-        (PASTE, ["unreadable", "Paste"]),
-        ("\x1b[200~ 4", ["unreadable", "unreadable"]),
+        (PASTE, ["paste", "Paste"]),
+        ("\x1b[200~ 4", ["paste", "unreadable"]),
     ],
 )
 def test_what_a_terminal_says_becomes_keys_that_were_pressed_and_no_others(typed: str, keys: list[str]) -> None:
@@ -220,12 +231,14 @@ def test_what_a_terminal_says_becomes_keys_that_were_pressed_and_no_others(typed
 
 
 class Frozen:
-    """An application whose loop does not run."""
+    """An application whose loop does not run, in a field of numbers."""
 
-    field_kind = FieldKind.NUMBER
-
-    def __init__(self) -> None:
+    def __init__(self, *, moving: bool = False) -> None:
         self.happened: list[str] = []
+        self.now = Situation(page=PageName.SETUP, field=FieldKind.NUMBER, moving=moving)
+
+    def situation(self) -> Situation:
+        return self.now
 
     def stop_now(self, key: str) -> None:
         self.happened.append(f"stop {key}")
@@ -240,6 +253,8 @@ class LoopBehind(StopDriver):
     def __init__(self, app: Frozen) -> None:
         self._app = app  # type: ignore[assignment]
         self.cursor_origin = None
+        self._pace = Pace()
+        self._stopped_s = float("-inf")
 
     def send_message(self, message: Message) -> None:
         self._app.happened.append(f"queued {type(message).__name__}")  # type: ignore[attr-defined]
@@ -248,12 +263,40 @@ class LoopBehind(StopDriver):
 def test_a_stop_is_sent_before_the_key_is_queued() -> None:
     app = Frozen()
     driver = LoopBehind(app)
-    for key in ("space", "escape", "f12", "f9", "x"):
+    for key in ("space", "escape", "f12", "f9"):
         driver.process_message(events.Key(key, None))
-    assert app.happened == [
+    assert [each for each in app.happened if each != "queued TooFast"] == [
         *("stop space", "queued StopSent"),
         *("stop escape", "queued StopSent"),
         *("stop f12", "queued StopSent"),
         *("kill f9", "queued StopSent"),
-        "queued Key",
     ]
+
+
+def test_a_key_that_means_nothing_stops_before_it_is_queued_and_is_not_held_back() -> None:
+    app = Frozen(moving=True)
+    LoopBehind(app).process_message(events.Key("x", "x"))
+    assert app.happened == ["stop unbound x", "queued StopSent"]
+
+
+class Broken(Frozen):
+    """An application that cannot tell what a key means now."""
+
+    def situation(self) -> Situation:
+        raise RuntimeError
+
+
+@pytest.mark.parametrize("key", ["space", "escape", "f12", "x"])
+def test_a_stop_goes_out_whatever_the_application_is_at(key: str) -> None:
+    app = Broken()
+    LoopBehind(app).process_message(events.Key(key, None))
+    assert app.happened[0].startswith("stop ")
+
+
+def test_a_character_goes_into_its_field_at_once_and_what_would_end_the_entry_waits() -> None:
+    app = Frozen()
+    driver = LoopBehind(app)
+    driver.process_message(events.Key("1", "1"))
+    assert app.happened == ["queued Written"]
+    driver.process_message(events.Key("enter", "\r"))
+    assert app.happened[1:] == ["queued TooFast"]

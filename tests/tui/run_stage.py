@@ -15,7 +15,7 @@ from console.session.alignment import Alignment
 from console.session.made_parts import MadeWith
 from console.session.progress import CutProgress, CutStage
 from console.session.ripple import SpindleRipple
-from console.session.state import Activity, StationState, StopState
+from console.session.state import Activity, StationState, StopState, TouchedBlank
 from console.session.synchronisation import Synchronisation
 from console.session.telemetry import CutFigures
 from console.session.work import Work
@@ -104,6 +104,9 @@ def stopped(**changes: Any) -> StationState:
     return state(activity=Activity.STOPPED, cut=cut(), stop=StopState(**{**known, **changes}))
 
 
+CUT_IN_PART: dict[str, Any] = {"touched": TouchedBlank(to_mm=4.21, of_mm=8.0), "marks_mm": (4.23,)}
+"""How a cut leaves the blank that a stop has ended."""
+
 shown = partial(shown_on, RunPage)
 
 
@@ -138,8 +141,9 @@ STATES = {
     "never found": StationState(activity=Activity.LOST),
     "stopped in the part": stopped(tool_in_part=True, can_retract=True),
     "killed in the part": stopped(tool_in_part=True, killed=True),
-    "marked": stopped(tool_in_part=True, can_retract=True, mark_mm=4.23),
-    "killed and marked": stopped(tool_in_part=True, killed=True, mark_mm=4.23),
+    "marked": replace(stopped(tool_in_part=True, can_retract=True, mark_mm=4.23), **CUT_IN_PART),
+    "killed and marked": replace(stopped(tool_in_part=True, killed=True, mark_mm=4.23), **CUT_IN_PART),
+    "cut in part": state(cut=cut(), **CUT_IN_PART),
 }
 
 

@@ -43,6 +43,7 @@ from tests.tui.align_stage import (
     words_of,
 )
 from tests.tui.machine_states import CLAMPED, JAW, ON
+from tests.tui.page_stage import Shown
 from tests.tui.stage import FixedControl, PageStage, desk_for, experiment, grid
 
 STOPPED = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5)
@@ -213,13 +214,54 @@ def test_a_jog_key_is_one_step_of_its_axis(key: str, axis: AxisName, distance: f
     assert shown(state(), "align.enable", key).orders == [Jog(axis=axis, distance=distance)]
 
 
-def test_the_ladder_has_ends() -> None:
-    page = shown(state(), "align.enable", *["align.larger"] * 9, "align.tail", "align.forward")
-    assert [order.distance for order in page.orders if isinstance(order, Jog)] == [-10.0, 30.0]
-    assert "[10.000]" in page.text
-    assert "[30.00]" in page.text
-    least = shown(state(), "align.enable", *["align.smaller"] * 9, "align.tail").orders[0]
+def distances(page: Shown) -> list[float]:
+    return [order.distance for order in page.orders if isinstance(order, Jog)]
+
+
+def test_each_ladder_has_ends() -> None:
+    turning = shown(state(), "align.enable", *["align.larger"] * 9, "align.forward")
+    assert distances(turning) == [30.0]
+    assert "[30.00]" in turning.text
+    linear = shown(state(VALID), "align.enable", *["align.larger"] * 9, "align.tail")
+    assert distances(linear) == [-10.0]
+    assert "[10.000]" in linear.text
+    least = shown(state(VALID), "align.enable", *["align.smaller"] * 9, "align.tail").orders[0]
     assert least == Jog(axis=AxisName.CARRIAGE, distance=-0.001)
+
+
+def test_a_choice_of_degrees_is_none_of_millimetres() -> None:
+    """Find jaw 1 in steps of 10 deg: the first step of the tool after it is not one of 1 mm."""
+    page = shown(state(), "align.enable", *["align.larger"] * 2, "align.forward", "align.out")
+    assert distances(page) == [10.0, -0.01]
+    assert "[10.00]" in page.text
+    assert "[0.010]" in page.text
+
+
+@pytest.mark.parametrize(
+    ("alignment", "keys", "axes", "chosen"),
+    [
+        (NO_JAW, (), "C °", "[1.00]"),
+        (replace(NO_JAW, jaw=JAW), (), "X Z mm", "[0.100]"),
+        # What was jogged last, until the step is done.
+        (NO_JAW, ("align.enable", "align.tail"), "X Z mm", "[0.100]"),
+        (VALID, ("align.enable", "align.forward"), "C °", "[1.00]"),
+    ],
+    ids=["jaw 1", "touch off", "carriage jogged", "spindle jogged"],
+)
+def test_plus_changes_the_step_that_the_panel_names(
+    alignment: Alignment, keys: tuple[str, ...], axes: str, chosen: str
+) -> None:
+    page = shown(state(alignment), *keys, "align.larger")
+    assert f"(+ -: {axes})" in page.text
+    assert chosen in page.text
+    marked = [row for row in page.text.splitlines() if "▸" in row]
+    assert len(marked) == 1 and chosen in marked[0]
+
+
+def test_the_step_after_jaw_1_is_about_the_tool_again() -> None:
+    found = state(replace(NO_JAW, jaw=JAW))
+    page = shown(state(), "align.enable", "align.forward", then=found)
+    assert "(+ -: X Z mm)" in page.text
 
 
 def test_nothing_jogs_before_it_is_enabled() -> None:
@@ -274,10 +316,11 @@ def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
 
 
 def test_before_the_touch_off_steps_toward_the_work_are_short() -> None:
-    page = shown(state(), "align.enable", *["align.larger"] * 3, "align.in")
+    untouched = state(replace(NO_JAW, jaw=JAW))
+    page = shown(untouched, "align.enable", *["align.larger"] * 3, "align.in")
     assert (page.orders, page.said) == ([], ["screen.step_too_long"])
     assert "≤ 1.000 mm" in page.text
-    allowed = shown(state(), "align.enable", *["align.larger"] * 2, "align.in").orders
+    allowed = shown(untouched, "align.enable", *["align.larger"] * 2, "align.in").orders
     assert allowed == [Jog(axis=AxisName.TOOL, distance=1.0)]
 
 
@@ -306,7 +349,7 @@ def test_the_gap_is_that_of_the_clamped_blank() -> None:
 
 
 def test_the_run_on_after_a_stop_is_told_for_every_axis() -> None:
-    page = shown(state(), *["align.larger"] * 3)
+    page = shown(state(VALID), *["align.larger"] * 3)
     # 10 mm/s for 55 ms and the ramp, rounded up.
     assert "X 0.557" in page.text
 
@@ -321,12 +364,17 @@ def test_a_held_key_is_one_step_and_another_stops() -> None:
     page.act("align.tail")
     assert (len(control.orders), control.stops) == (1, [])
     page.act("align.chuck")
-    assert len(control.stops) == 1
     assert desk.said[0].code == "screen.key_in_motion"
     page.act("align.larger")
     page.act("align.off")
-    assert len(control.stops) == 3
+    assert control.stops == ["change ←", "change +", "change F3"]
     assert len(control.orders) == 1
+
+
+def test_a_step_may_be_chosen_while_something_else_than_a_jog_moves() -> None:
+    page = shown(state(activity=Activity.HOMING), "align.larger")
+    assert (page.stops, page.said) == ([], [])
+    assert "[1.00]" in page.text
 
 
 def test_leaving_in_mid_step_stops() -> None:

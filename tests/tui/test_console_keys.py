@@ -5,17 +5,21 @@ from __future__ import annotations
 import asyncio
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from textual.widgets import Input
 
 from console.session.alignment import Alignment
 from console.session.intents import Home, Intent
 from console.session.state import Activity, Armed, StationState, StopState
 from console.tui.app import ConsoleApp
+from console.tui.driver import Written
 from console.tui.gate import FieldKind
 from console.tui.held import HeldKeys
 from console.tui.keymap import ACTIONS, PageName
 from drivers.cut import Strategy, plan_cut
+from drivers.ownership import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.scenes import Scene, application, fill, played
@@ -112,7 +116,7 @@ def test_a_held_enter_does_not_ask_again(tmp_path: Path) -> None:
 
 
 def test_a_jog_key_is_no_such_key(tmp_path: Path) -> None:
-    jogs = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "j"), (0.1, "right"), (0.3, "right"))
+    jogs = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "j"), (0.1, "right"), (0.9, "right"))
     assert len(jogs.orders) == 2
 
 
@@ -164,17 +168,117 @@ def test_why_a_key_stopped_the_machine_stays_said(tmp_path: Path) -> None:
     """The stop changes what the machine does, and that is what the answer speaks of."""
     jogging = align_stage.state(activity=Activity.JOGGING)
     console = pressed(tmp_path, jogging, PageName.ALIGN, (0.0, "f3"))
-    assert (console.control.stops, console.said) == (["unbound"], ["screen.key_in_motion"])
+    assert (console.control.stops, console.said) == (["change F3"], ["screen.key_in_motion"])
     stopped = replace(jogging, activity=Activity.STOPPED, stop=replace(STOP, rest_s=100.4))
     console.app.desk.forget_stale_answer(stopped)
     assert console.said == ["screen.key_in_motion"]
+
+
+def test_escape_closes_the_list_of_keys_at_rest_and_stops_nothing(tmp_path: Path) -> None:
+    console = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "?"), (0.5, "escape"))
+    assert console.control.stops == []
+    assert console.app._listed == 0
+
+
+def test_escape_without_a_list_is_a_stop_at_rest(tmp_path: Path) -> None:
+    assert pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "escape")).control.stops == ["escape"]
+
+
+def test_a_character_whose_field_is_closed_meanwhile_shows_no_page(tmp_path: Path) -> None:
+    """It was not held back, as it was for a field; so it does nothing else."""
+    fill(tmp_path)
+    scene = Scene(page=PageName.SETUP, state=align_stage.state(), work=experiment())
+    app, _ = application(scene, tmp_path)
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            app.post_message(Written("4", "4"))
+            await pilot.pause()
+
+    asyncio.run(run())
+    assert (app._page, [problem.code for problem in app.desk.said]) == (PageName.SETUP, ["screen.entry_over"])
+
+
+def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
+    fill(tmp_path)
+    scene = Scene(page=PageName.SETUP, state=align_stage.state(), work=experiment(), keys=("down", "enter"))
+    app, _ = application(scene, tmp_path)
+    written: list[str] = []
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            app.post_message(Written("4", "4"))
+            await pilot.pause()
+            written.append(app.query_one(Input).value)
+
+    asyncio.run(run())
+    assert written == ["4"]
+
+
+ANOTHERS: dict[str, Any] = {"standing": Standing.OUSTED, "holder": 7}
+MOVES = align_stage.look(ON - {"desired_velocity_zero"})
+
+
+@pytest.mark.parametrize(
+    ("now", "presses"),
+    [
+        (align_stage.state(activity=Activity.HOMING), ((0.0, "?"), (0.5, "escape"))),
+        (align_stage.state(snapshot=MOVES, **ANOTHERS), ((0.0, "?"), (0.5, "escape"))),
+        (align_stage.state(activity=Activity.LOST), ((0.0, "?"), (0.5, "escape"))),
+        # An order that the machine has not begun yet, and a machine that was not looked at for long.
+        (HOMING, ((0.0, "f4"), (0.2, "?"), (0.4, "escape"))),
+        (align_stage.state(), ((0.0, "?"), (5.0, "escape"))),
+    ],
+    ids=["moving", "moved by another console", "lost", "ordered", "not seen for long"],
+)
+def test_escape_stops_with_a_list_open_where_something_may_move(
+    now: StationState, presses: tuple[tuple[float, str], ...], tmp_path: Path
+) -> None:
+    assert pressed(tmp_path, now, PageName.ALIGN, *presses).control.stops == ["escape"]
+
+
+@pytest.mark.parametrize("key", [str(number) for number, _ in enumerate(PageName, start=1)])
+def test_while_a_part_is_cut_every_page_may_be_looked_at(key: str, tmp_path: Path) -> None:
+    console = pressed(tmp_path, run_stage.cutting(), PageName.RUN, (0.0, key))
+    assert console.control.stops == []
+    assert str(list(PageName).index(console.app._page) + 1) == key
+
+
+def test_a_press_that_makes_no_step_is_told_behind_the_next_that_does(tmp_path: Path) -> None:
+    """The machine rests a moment later: what was said of the press must not go with it."""
+    jogging = align_stage.state(activity=Activity.JOGGING)
+    fill(tmp_path)
+    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
+    app, control = application(scene, tmp_path)
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            for at_s, key, now in (
+                (100.0, "j", scene.state),
+                (100.1, "right", scene.state),
+                (100.3, "right", jogging),
+                (100.4, "", jogging),
+                (100.8, "right", scene.state),
+                (100.9, "", scene.state),
+            ):
+                control.at(at_s)
+                control.state = now
+                if key:
+                    await pilot.press(key)
+                app.tick()
+                await pilot.pause()
+
+    asyncio.run(run())
+    (missed,) = app.desk.said
+    assert (len(control.orders), missed.code) == (2, "screen.presses_missed")
+    assert (missed.key, missed.value, missed.limit) == ("→", "1", "3")
 
 
 def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_be_left(tmp_path: Path) -> None:
     moving = align_stage.look(ON - {"desired_velocity_zero"})
     lost = align_stage.state(activity=Activity.LOST, snapshot=moving)
     console = pressed(tmp_path, lost, PageName.ALIGN, (0.0, "z"), (1.0, "ctrl+q"))
-    assert (console.control.stops, console.said) == (["unbound"], [])
+    assert (console.control.stops, console.said) == (["unbound z"], [])
 
 
 @pytest.mark.parametrize("typed", ["1e3", "1e3x7", "1 5", "1k3", "1t3", "ㅁ13", "1ㅏ3"])
@@ -187,7 +291,7 @@ def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_i
     (refused,) = console.app.desk.said
     assert (refused.code, refused.value) == ("value.not_number", f'"{typed}"')
     assert console.app.desk.work == experiment()
-    assert console.app.field_kind is FieldKind.NUMBER and console.orders == []
+    assert console.app._field is FieldKind.NUMBER and console.orders == []
 
 
 @pytest.mark.parametrize("opening", ["?", "w"])
@@ -195,7 +299,7 @@ def test_nothing_is_typed_or_taken_behind_a_list_that_hides_the_entry(opening: s
     """13 would be taken by somebody who has not seen the list come up in the middle of it."""
     keys = ["down", "enter", "1", opening, "3", "enter"]
     hidden = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
-    assert hidden.app.desk.work == experiment() and hidden.app.field_kind is FieldKind.NUMBER
+    assert hidden.app.desk.work == experiment() and hidden.app._field is FieldKind.NUMBER
     keys += ["backspace", "5", "enter"]
     again = pressed(
         tmp_path / "again", align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge, stops_at_once
+from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge, stop_reason, stops_at_once
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
 
 situations = st.builds(
@@ -33,7 +33,62 @@ def test_space_stops_everywhere_but_in_free_text(now: Situation) -> None:
 @given(situations, st.sampled_from(["f12", "escape"]))
 def test_f12_and_escape_stop_everywhere(now: Situation, key: str) -> None:
     assert judge(key, None, now)[0] is Verdict.STOP
-    assert stops_at_once(key, now.field)
+    assert stops_at_once(key, now)
+
+
+@given(situations)
+def test_escape_closes_a_list_of_keys_only_while_it_is_known_that_nothing_moves(now: Situation) -> None:
+    helped = replace(now, reading=True, at_rest=True)
+    closes = not now.moving and not now.small
+    verdict, action = judge("escape", None, helped)
+    assert verdict is (Verdict.ACTION if closes else Verdict.STOP)
+    assert (action is not None and action.id) == ("close" if closes else False)
+    assert judge("f12", None, helped)[0] is Verdict.STOP
+
+
+@pytest.mark.parametrize("page", PageName)
+def test_what_moves_is_not_stopped_by_a_key_that_has_a_meaning_but_by_a_change_of_mind(page: PageName) -> None:
+    """Looking at another page is harmless; another jog, and the drives off, are no part of what goes on."""
+    cutting = Situation(page=page, moving=True)
+    everywhere = [action for action in ACTIONS if action.page is None]
+    stopping = {
+        action.id
+        for action in (*everywhere, *actions_of(page))
+        for key in action.keys
+        if judge(key, key if len(key) == 1 else None, cutting)[0] is Verdict.STOP
+    }
+    jogs = {"in", "out", "chuck", "tail", "forward", "backward"}
+    assert stopping == ({f"align.{way}" for way in (*jogs, "off")} if page is PageName.ALIGN else set())
+
+
+def test_a_jog_step_is_stopped_by_leaving_its_page_and_by_any_other_jog_key() -> None:
+    jogging = Situation(page=PageName.ALIGN, moving=True, jogging=True, jog="align.in")
+    verdicts = {key: judge(key, key, jogging)[0] for key in ("1", "4", "5", "down", "up", "left", "+", "-", "j")}
+    kept = {"4", "down", "j"}
+    assert {key for key, verdict in verdicts.items() if verdict is Verdict.ACTION} == kept
+    assert {verdict for key, verdict in verdicts.items() if key not in kept} == {Verdict.STOP}
+
+
+@pytest.mark.parametrize(
+    ("key", "character", "reason"),
+    [
+        ("space", " ", "space"),
+        ("f9", None, "f9"),
+        ("x", "x", "unbound x"),
+        ("f11", None, "unbound F11"),
+        ("ctrl+t", "\x14", "unbound ctrl+t"),
+        ("alt+d", "d", "unbound alt+d"),
+        ("left", None, "change ←"),
+        ("5", "5", "page 5"),
+        ("paste", None, "paste"),
+        ("unreadable", None, "unreadable"),
+    ],
+)
+def test_a_stop_says_for_which_key_it_was(key: str, character: str | None, reason: str) -> None:
+    jogging = Situation(page=PageName.ALIGN, moving=True, jogging=True, jog="align.in")
+    verdict, action = judge(key, character, jogging)
+    assert verdict in (Verdict.STOP, Verdict.KILL)
+    assert stop_reason(key, character, action) == reason
 
 
 @given(situations)

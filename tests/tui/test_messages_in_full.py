@@ -175,9 +175,9 @@ def test_in_motion_a_message_is_read_without_a_stop_and_other_keys_stop(tmp_path
         await pilot.press("w", "pagedown", "up")
         assert (control.orders, control.stops) == ([], [])
         await pilot.press("x")
-        assert control.stops == ["unbound"]
+        assert control.stops == ["unbound x"]
         await pilot.press("space")
-        assert control.stops == ["unbound", "space"]
+        assert control.stops == ["unbound x", "space"]
         await pilot.press("w", "pagedown")
         assert control.stops == ["unbound", "space", "unbound"], "with the list closed PgDn means nothing on Run"
 

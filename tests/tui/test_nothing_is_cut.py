@@ -282,7 +282,7 @@ def test_after_a_stop_what_to_do_is_on_the_page_in_full(name: str, height: int, 
         rows = lost_lines(text, now, 100.0, 39, height)
         remedies = [text("run_page.lost.remedy")]
     else:
-        rows = stop_lines(text, now.stop, 1000.0, 39, height)
+        rows = stop_lines(text, replace(now, spindle_rpm=1000.0), 39, height)
         remedies = [entry for key, entry in sentences(language).items() if key.startswith("run_page.remedy.")]
     assert len(rows) <= height
     assert any(one_word(remedy) in letters(rows) for remedy in remedies)

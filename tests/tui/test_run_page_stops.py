@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from console.session.intents import Retract
+from console.session.intents import Arm, Retract
 from console.session.progress import CutStage
 from console.session.state import Activity, StationState
 from console.session.work import edited
 from console.text.catalogue import load
 from tests.tui.run_stage import (
+    CUT_IN_PART,
     OFF,
     STATES,
     SURFACE_COUNTS,
@@ -23,7 +24,7 @@ from tests.tui.run_stage import (
     state,
     stopped,
 )
-from tests.tui.stage import LANGUAGES, experiment
+from tests.tui.stage import LANGUAGES, SIZES, experiment
 
 
 def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
@@ -93,6 +94,42 @@ def test_a_spindle_that_coasts_is_seen() -> None:
     assert "turns 24 rpm" in shown(replace(killed, spindle_rpm=24.0)).text
     for rpm in (None, 0.0, 0.9):
         assert "turns" not in shown(replace(killed, spindle_rpm=rpm)).text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("size", SIZES)
+def test_a_blank_that_was_cut_in_part_is_not_called_uncut(size: tuple[int, int], language: str) -> None:
+    """After F2: what was cut, and where the mark is, are what the next cut is decided by."""
+    text = load(language)
+    page = shown(STATES["cut in part"], size=size, language=language)
+    assert text("run_page.check.fresh_blank") not in page.words
+    assert text("run_page.check.touched_blank") in page.words
+    assert text("problem.screen.part_is_touched", value="4.2", limit="8.0") in page.words
+    assert text("problem.screen.part_is_marked", value="4.2") in page.words
+    assert text("run_page.cut_to", z="4.2", length="8.0") in page.words
+    assert page.next_step == text("run_page.next.arm_again")
+
+
+def test_what_was_cut_in_part_may_be_armed_again() -> None:
+    orders = shown(STATES["cut in part"], "run.arm").orders
+    assert [type(order) for order in orders] == [Arm]
+
+
+def test_while_a_second_cut_goes_to_its_start_the_first_one_is_not_forgotten() -> None:
+    """The progress of the first is gone by then."""
+    page = shown(replace(STATES["stop on the way to the start"], stop=None, **CUT_IN_PART))
+    assert "blank cut in part" in page.words
+
+
+@pytest.mark.parametrize("name", ["marked", "killed and marked"])
+def test_a_stop_says_how_far_the_part_is_cut(name: str) -> None:
+    assert "part cut to Z 4.2 of 8.0 mm" in shown(STATES[name]).words
+
+
+@pytest.mark.parametrize("stage", [CutStage.DONE, CutStage.HELD])
+def test_a_cut_over_a_mark_tells_of_it(stage: CutStage) -> None:
+    page = shown(state(cut=cut(stage), cut_done=stage is CutStage.DONE, **CUT_IN_PART), size=(100, 30))
+    assert "marked at Z 4.2 mm" in page.words
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -107,7 +107,7 @@ def test_a_key_that_means_nothing_stops_what_moves(tmp_path: Path) -> None:
         assert control.state.activity is Activity.CUTTING
         await resize(app, pilot, (40, 10))
         await pilot.press("f6", "1")
-        assert control.stops == ["unbound", "unbound"]
+        assert control.stops == ["unbound F6", "unbound 1"]
         assert control.orders == []
 
     play(PageName.RUN, act, tmp_path)

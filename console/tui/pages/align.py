@@ -28,7 +28,7 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
-from console.session.jogging import FIRST_RUNG, STEPS_MM, JogEnable, is_too_long, longest_toward_mm, step_of
+from console.session.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
 from console.session.state import Activity, StationState
 from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
@@ -49,6 +49,7 @@ from console.tui.pages.align_lines import (
 )
 from console.tui.pages.chuck_picture import chuck_lines
 from console.tui.pages.jog_lines import JogView, jog_lines
+from console.tui.pages.jog_presses import SURE_S, JogPresses
 from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from console.tui.waiting import refusal, waiting
@@ -102,9 +103,10 @@ class AlignPage(Page):
         self._steps = Sheet(palette, id="align-steps")
         self._why = Sheet(palette, id="align-why")
         self._chuck = Sheet(palette, id="align-chuck")
-        self._rung = FIRST_RUNG
+        self._step_lengths = Steps()
+        self._jogged: tuple[AlignStep | None, AxisName] | None = None
         self._jog: JogEnable | None = None
-        self._last_key: str | None = None
+        self._presses = JogPresses()
         self._warned_s: float | None = None
         self._titles()
 
@@ -128,8 +130,10 @@ class AlignPage(Page):
         if state.moving:
             self._renew(view.now_s)  # idle is counted from the end of what moves
         self._let_go(state, view.now_s)
+        self._press_due()
         self._axes.show(axes_lines(text, state, machine, view.now_s, self._axes.size.width))
         jog = self._jog_view(state, view.now_s)
+        self._title_jog(jog)
         self._jog_panel.show(jog_lines(text, jog, self._jog_panel.size.width, self._jog_panel.size.height))
         self._steps.show(step_lines(text, state, job))
         self._why.show(why_lines(text, state, job, machine, self._why.size.width, self._why.size.height))
@@ -146,8 +150,9 @@ class AlignPage(Page):
         if action != "align.take":
             self._warned_s = None
         if action in JOGS:
-            self._jog_by(action)
+            self._press(action)
         else:
+            self._presses.forget()
             answers: dict[str, Callable[[str], None]] = {
                 "align.step": self._do_step,
                 "align.take": self._take,
@@ -184,9 +189,10 @@ class AlignPage(Page):
 
     def leave(self) -> None:
         """Let go of the jog; a step that is under way ends with its page."""
-        self._jog = self._last_key = self._warned_s = None
+        self._jog = self._warned_s = None
+        self._presses.forget()
         if self.desk.control.state.activity is Activity.JOGGING:
-            self.desk.say_why_stopped(Problem(code="screen.left_jogging"))
+            self.desk.say_until_key(Problem(code="screen.left_jogging"))
             self.desk.control.stop("page")
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
@@ -307,41 +313,81 @@ class AlignPage(Page):
             self._jog = JogEnable(used_s=self.desk.control.now_s(), stops=state.stops)
 
     def _change_rung(self, key: str) -> None:
-        if self._stops_what_moves(self.desk.control.state, key):
+        state = self.desk.control.state
+        if state.activity is Activity.JOGGING and self._stops_what_moves(state, key):
             return
         step = 1 if key == "align.larger" else -1
-        self._rung = min(max(self._rung + step, 0), len(STEPS_MM) - 1)
+        self._step_lengths = self._step_lengths.changed(self._axis(state), step)
         self._renew(self.desk.control.now_s())
 
-    def _jog_by(self, key: str) -> None:
-        state = self.desk.control.state
-        if state.moving and key == self._last_key:
-            # The key repeats while it is held: one press is one step.
-            self._say("screen.in_motion")
+    def _axis(self, state: StationState) -> AxisName:
+        """Return the axis whose step + and - change: the last one jogged in this step, else that of the step."""
+        step = step_now(state.alignment, self._job)
+        if self._jogged is not None and self._jogged[0] is step:
+            return self._jogged[1]
+        return AxisName.SPINDLE if step is AlignStep.JAW else AxisName.TOOL
+
+    def _press(self, key: str) -> None:
+        """A jog key: one step for each press that finds the machine at rest; the others are counted and told."""
+        state, now_s = self.desk.control.state, self.desk.control.now_s()
+        goes_on = state.activity is Activity.JOGGING and key == self.desk.jog
+        if not goes_on and (self._stops_what_moves(state, key) or self._refuses(state, key)):
+            self._presses.forget()
             return
-        if self._stops_what_moves(state, key) or self._refuses(state, key):
-            return
-        now_s = self.desk.control.now_s()
         self._let_go(state, now_s)
         if self._jog is None:
             self._say("screen.jog_not_enabled")
             return
+        if self._presses.press(key, now_s, at_rest=not state.moving):
+            self._jog_by(key, state)
+        elif self._presses.waits and self.is_attached:
+            self.set_timer(1.1 * SURE_S, self._press_due)
+        self._tell_presses(key)
+
+    def _press_due(self) -> None:
+        """A press that might have been the first repeat of a key that is held turns out to be one of its own."""
+        state, now_s = self.desk.control.state, self.desk.control.now_s()
+        self._let_go(state, now_s)
+        if self._jog is None:
+            self._presses.forget()
+            return
+        decides = self._presses.waits
+        key = self._presses.due(now_s, at_rest=not state.moving)
+        if key is not None and not self._refuses(state, key):
+            self._jog_by(key, state)
+        if decides and not self._presses.waits and self.desk.jog is not None:
+            self._tell_presses(self.desk.jog)
+
+    def _jog_by(self, key: str, state: StationState) -> None:
         axis, sign = JOGS[key]
-        step = step_of(axis, self._rung)
+        step = self._step_lengths.of(axis)
         longest = longest_toward_mm(state.snapshot, self.desk.machine.machine, state.alignment)
         if key == "align.in" and is_too_long(step, longest):
+            self._presses.forget()
             self._say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
             return
-        self._last_key = key
-        self._renew(now_s)
-        self._post(Jog(axis=axis, distance=sign * step))
+        self._jogged, self.desk.jog = (step_now(state.alignment, self._job), axis), key
+        self._renew(self.desk.control.now_s())
+        if not self.desk.control.post(Jog(axis=axis, distance=sign * step)):
+            self._presses.refused()
+
+    def _tell_presses(self, key: str) -> None:
+        """Say which presses made no step; it stays said, because the machine comes to rest soon after."""
+        presses = self._presses
+        if presses.held:
+            self.desk.say_until_key(Problem(code="screen.jog_key_held", key=_KEYS[key]))
+        elif presses.missed:
+            pressed = str(presses.missed + presses.taken)
+            self.desk.say_until_key(
+                Problem(code="screen.presses_missed", key=_KEYS[key], value=str(presses.missed), limit=pressed)
+            )
 
     def _stops_what_moves(self, state: StationState, key: str) -> bool:
         """Another axis, direction or step while something moves is a change of mind: stop first."""
         if not state.moving:
             return False
-        self.desk.say_why_stopped(Problem(code="screen.key_in_motion", key=_KEYS[key]))
-        self.desk.control.stop("unbound")
+        self.desk.say_until_key(Problem(code="screen.key_in_motion", key=_KEYS[key]))
+        self.desk.control.stop(f"change {_KEYS[key]}")
         return True
 
     def _refuses(self, state: StationState, key: str) -> bool:
@@ -353,7 +399,8 @@ class AlignPage(Page):
 
     def _let_go(self, state: StationState, now_s: float) -> None:
         if self._jog is not None and not self._jog.holds(state, now_s):
-            self._jog = self._last_key = None
+            self._jog = None
+            self._presses.forget()
 
     def _renew(self, now_s: float) -> None:
         if self._jog is not None:
@@ -363,7 +410,9 @@ class AlignPage(Page):
         machine = self.desk.machine.machine
         return JogView(
             machine=machine,
-            rung=self._rung,
+            steps=self._step_lengths,
+            axis=self._axis(state),
+            made=self._presses.taken,
             left_s=None if self._jog is None else self._jog.left_s(now_s),
             moving=state.moving,
             longest_mm=longest_toward_mm(state.snapshot, machine, state.alignment),
@@ -384,9 +433,13 @@ class AlignPage(Page):
     def _titles(self) -> None:
         text = self.desk.text
         self._axes.border_title = text("align_page.axes")
-        self._jog_panel.border_title = text("align_page.jog")
         self._steps.border_title = text("align_page.steps")
         self._chuck.border_title = text("align_page.chuck_title")
+
+    def _title_jog(self, jog: JogView) -> None:
+        title = self.desk.text("align_page.jog", axes="C °" if jog.axis is AxisName.SPINDLE else "X Z mm")
+        if self._jog_panel.border_title != title:
+            self._jog_panel.border_title = title
 
     def _title_why(self, state: StationState, job: Job | None) -> None:
         text = self.desk.text

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len
 
-from console.session.jogging import STEPS_DEG, STEPS_MM, overrun, step_of
+from console.session.jogging import STEPS_DEG, STEPS_MM, Steps, overrun
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, Piece, clipped, dim, line, ranged, to_the_right, wrapped
 from console.tui.theme import Token
@@ -24,10 +24,15 @@ _SEEN_TO_DEG = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JogView:
-    """What the panel is made from. `left_s` is None while jogging is not enabled."""
+    """What the panel is made from. `left_s` is None while jogging is not enabled.
+
+    + and - change the step of `axis`. `made` is how many steps the last presses have made.
+    """
 
     machine: MachineProfile
-    rung: int
+    steps: Steps
+    axis: AxisName
+    made: int
     left_s: float | None
     moving: bool
     longest_mm: float
@@ -50,26 +55,36 @@ def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Li
 
 
 def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:
-    moving = line(" ", (text("align_page.moving"), Token.STRONG)) if jog.moving else BLANK
+    moving = line(" ", (text("align_page.moving"), Token.STRONG)) if jog.moving else _made(text, jog.made)
     if jog.left_s is None:
         return ranged((dim("○ " + text("align_page.jog_off")),), moving, width)
     left = text("align_page.jog_on", left=f"{math.ceil(jog.left_s)} s")
     return ranged((("● " + left, Token.STRONG),), moving, width)
 
 
+def _made(text: Catalogue, made: int) -> Line:
+    return line(" ", ("✓ ", Token.OK), text("align_page.made", count=made)) if made else BLANK
+
+
 def _ladder(text: Catalogue, jog: JogView) -> list[Line]:
     linear = [f"{step:.3f}" for step in STEPS_MM]
     turning = [f"{step:.2f}" for step in STEPS_DEG]
-    return [_rungs(linear, jog.rung, " mm"), _rungs(turning, jog.rung, " °")]
+    turns = jog.axis is AxisName.SPINDLE
+    return [
+        _rungs(linear, jog.steps.mm, " mm", changes=not turns),
+        _rungs(turning, jog.steps.deg, " °", changes=turns),
+    ]
 
 
-def _rungs(steps: Sequence[str], chosen: int, unit: str) -> Line:
-    pieces: list[Piece] = []
+def _rungs(steps: Sequence[str], chosen: int, unit: str, *, changes: bool) -> Line:
+    """Return one ladder; a mark in front of that which + and - change."""
+    pieces: list[Piece] = [("▸" if changes else " ", Token.KEY)]
     for rung, step in enumerate(steps):
+        width = _RUNG_WIDTH - (1 if rung == 0 else 0)  # the mark has the first cell
         if rung == chosen:
-            pieces.append((to_the_right(f"[{step}]", _RUNG_WIDTH + 1), Token.STRONG))
+            pieces.append((to_the_right(f"[{step}]", width + 1), Token.STRONG))
         else:
-            pieces.append(dim(to_the_right(step, _RUNG_WIDTH) + " "))
+            pieces.append(dim(to_the_right(step, width) + " "))
     return (*pieces, dim(unit))
 
 
@@ -95,7 +110,7 @@ def _directions(text: Catalogue, jog: JogView) -> list[Line]:
 
 def _overrun_line(text: Catalogue, jog: JogView) -> Line:
     tool, carriage, spindle = (
-        _rounded_up(overrun(jog.machine, axis, step_of(axis, jog.rung)), decimals)
+        _rounded_up(overrun(jog.machine, axis, jog.steps.of(axis)), decimals)
         for axis, decimals in ((AxisName.TOOL, 3), (AxisName.CARRIAGE, 3), (AxisName.SPINDLE, 2))
     )
     return (dim(text("align_page.overrun", tool=tool, carriage=carriage, spindle=spindle)),)

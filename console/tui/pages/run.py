@@ -219,7 +219,7 @@ class RunPage(Page):
             case Phase.LOST:
                 return lost_lines(text, state, view.now_s, width)
             case Phase.STOPPED if state.stop is not None:
-                return stop_lines(text, state.stop, state.spindle_rpm, facts)
+                return stop_lines(text, state, facts)
             case Phase.ENDED:
                 return after_lines(text, state, width)
             case Phase.CUTTING:
@@ -254,6 +254,8 @@ class RunPage(Page):
         found = checks(view.state, view.work, self.desk.machine.machine)
         failed = [check.name for check in found if check.problems]
         if not failed:
+            if view.state.touched is not None:
+                return "arm_again"
             return "arm_air" if _done_in_air(view.state) and view.work.stage == Stage.AIR else "arm"
         return {"job": "set_up", "learned": "choose"}.get(failed[0], "align")
 
@@ -379,7 +381,7 @@ class RunPage(Page):
             return
         rpm = state.spindle_rpm
         size = self._left.size
-        self._left.show(stop_lines(text, state.stop, rpm, min(size.width, WIDEST_FACT), size.height))
+        self._left.show(stop_lines(text, state, min(size.width, WIDEST_FACT), size.height))
         width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
         if cut is None:
             self._right.show([spindle_line(text, rpm, width), BLANK, *wrapped(text("run_page.no_cut"), width)])

@@ -18,6 +18,7 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, hanging, line, wrapped
 from console.tui.pages.fields import named
 from console.tui.pages.made_words import armed_words, chosen_words
+from console.tui.pages.stop_lines import cut_words, mark_lines
 from console.tui.theme import Token
 from drivers.cut import Strategy
 from profiles.chucking.advice import Stands, force_span
@@ -30,10 +31,14 @@ LABEL_WIDTH = 13
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One condition of the start. `problems` say why it does not hold; `waits`: it is judged by arming."""
+    """One condition of the start. `problems` say why it does not hold; `waits`: it is judged by arming.
+
+    `warnings` are what has to be known before a start that may be made all the same.
+    """
 
     name: str
     problems: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
     waits: bool = False
 
 
@@ -47,7 +52,6 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
     drives = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
     homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
     rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
-    cut = (Problem(code="screen.part_is_cut"),) if state.cut_done else ()
     return (
         Check(name="no_stop", problems=stopped),
         Check(name="no_fault", problems=faults),
@@ -55,9 +59,23 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
         Check(name="drives_on", problems=drives),
         Check(name="homed", problems=homed),
         Check(name="at_rest", problems=rest),
-        Check(name="fresh_blank", problems=cut),
+        _blank_check(state),
         Check(name="program", waits=state.armed is None),
     )
+
+
+def _blank_check(state: StationState) -> Check:
+    """Whether the blank is one. What was cut in part may be cut again, by who knows of it."""
+    marks = ", ".join(f"{mark_mm:.1f}" for mark_mm in state.marks_mm)
+    marked = (Problem(code="screen.part_is_marked", value=marks),) if marks else ()
+    if state.cut_done:
+        return Check(name="fresh_blank", problems=(Problem(code="screen.part_is_cut"),), warnings=marked)
+    touched = state.touched
+    if touched is None:
+        return Check(name="touched_blank" if marked else "fresh_blank", warnings=marked)
+    value, limit = f"{touched.to_mm:.1f}", f"{touched.of_mm:.1f}"
+    again = Problem(code="screen.part_is_touched", value=value, limit=limit)
+    return Check(name="touched_blank", warnings=(again, *marked))
 
 
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Check]:
@@ -96,14 +114,15 @@ def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: i
         name = text(f"run_page.check.{check.name}")
         if check.waits:
             rows.append(line("○ ", dim(f"{name}: {text('run_page.by_arming')}")))
-        elif not check.problems:
+        elif not check.problems and not check.warnings:
             rows.append(line(("✓ ", Token.OK), dim(name)))
         else:
             told = check.problems if height is None else check.problems[:1]
             hidden = len(check.problems) - len(told)
             more = f" (+{hidden} {text('frame.all')})" if hidden else ""
-            reasons = [line(("✗ " + name + more, Token.WARNING))]
-            for problem in told:
+            mark = "✗ " if check.problems else "! "
+            reasons = [line((mark + name + more, Token.WARNING))]
+            for problem in (*told, *check.warnings):
                 reasons += hanging(dim("  "), text.problem(named(problem, text)), width)
             rows += reasons
             wrong += reasons
@@ -124,6 +143,7 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
         ("force", f"{job.chucking_force_n:.0f} N"),
         ("window", window_words(job, work.machine.machine)),
         ("confirmed", text("run_page.not_yet") if stamps.clamping is None else stamps.clamping.at),
+        *([] if state.touched is None else [("touched", cut_words(text, state.touched))]),
         ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
         ("feed", f"{job.feed_mm_per_rev:.3f} mm/rev"),
         ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),
@@ -201,7 +221,12 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
 
 
 def after_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
-    """Return what comes next after a cut that has ended."""
+    """Return what comes next after a cut that has ended, and where stops have marked the part."""
+    marks = mark_lines(text, state.marks_mm, width) if state.marks_mm else []
+    return [*_next_lines(text, state, width), *([BLANK, *marks] if marks else [])]
+
+
+def _next_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
     if state.cut is not None and state.cut.stage is CutStage.HELD:
         return wrapped(text("run_page.after_hold"), width)
     if state.cut is not None and state.cut.in_air:

@@ -118,8 +118,8 @@ class SetupPage(Page):
     def act(self, action: str) -> None:
         """Select, change, undo or save.
 
-        While something is typed the action waits behind the characters that came before it: a slow line brings
-        "1400" and Enter in one piece, and the entry must have all of them when it ends.
+        While something is typed the action waits behind the characters that came before it: the entry must have
+        all of them when it ends.
         """
         if self._entering is Entering.NOTHING:
             self._do(action)

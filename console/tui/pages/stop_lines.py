@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from console.session.progress import CutProgress
-from console.session.state import StationState, StopState
+from console.session.state import StationState, StopState, TouchedBlank
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, clipped, fact, wrapped
 from console.tui.theme import Token
@@ -15,13 +15,14 @@ TURNING_RPM = 1.0
 """Speed from which the spindle turns; a drive that is off may creep a count or two."""
 
 
-def stop_lines(
-    text: Catalogue, stop: StopState, speed_rpm: float | None, width: int, height: int | None = None
-) -> list[Line]:
-    """Return how a stop ended, and what to do, in order. `speed_rpm` is that of the spindle, None if not known.
+def stop_lines(text: Catalogue, state: StationState, width: int, height: int | None = None) -> list[Line]:
+    """Return how the stop in force ended, how it left the part, and what to do, in order; nothing without one.
 
     In little room what to do comes before how it ended.
     """
+    stop, speed_rpm = state.stop, state.spindle_rpm
+    if stop is None:
+        return []
 
     def row(key: str, value: str, token: Token) -> Line:
         return fact(text(f"run_page.stop.{key}"), value, width, label_width=LABEL_WIDTH, token=token)
@@ -38,7 +39,9 @@ def stop_lines(
         drives = text("run_page.drives_closed") if stop.can_retract else text("run_page.drives_open")
         rows.append(row("tool", *_tool(text, stop)))
         rows.append(row("drives", drives, Token.TEXT if stop.can_retract else Token.WARNING))
-    mark = [] if stop.mark_mm is None or stop.rest_s is None else mark_lines(text, (stop.mark_mm,), width)
+        if state.touched is not None:
+            rows.append(row("part", cut_words(text, state.touched), Token.TEXT))
+    mark = [] if not state.marks_mm or stop.rest_s is None else mark_lines(text, state.marks_mm, width)
     remedy = wrapped(_remedy(text, stop), width, Token.STRONG)
     lines = [*head, *rows, *mark, BLANK, *remedy]
     if height is None or len(lines) <= height:
@@ -51,6 +54,11 @@ def _times(text: Catalogue, stop: StopState, rest_s: float) -> str:
     if stop.taken_s is None:
         return rest
     return text("run_page.stop.times", rest=rest, taken=f"{stop.taken_s - stop.sent_s:.2f} s")
+
+
+def cut_words(text: Catalogue, touched: TouchedBlank) -> str:
+    """Return how far the clamped blank is cut."""
+    return text("run_page.cut_to", z=f"{touched.to_mm:.1f}", length=f"{touched.of_mm:.1f}")
 
 
 def mark_lines(text: Catalogue, marks_mm: Sequence[float], width: int) -> list[Line]:

@@ -1,0 +1,74 @@
+"""Which keys a person may have typed: what comes faster is one event, and confirms, enables or moves nothing.
+
+A barcode scanner, and a paste that is not marked as one, bring many keys within some milliseconds, with an Enter
+behind them. So an action is held back until it is known that nothing came close to it. A slow line may bring two
+keys of a person in one piece, too: nothing happens then either, and they are pressed again. Stops are never held
+back.
+"""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+APART_S = 0.04
+"""Different keys that come no further apart than this were not typed by a person, who needs some 60 ms."""
+
+QUIET_S = 0.5
+"""So long after a burst nothing is taken: a slow line may bring its Enter later than the rest."""
+
+WRITTEN = 3
+"""So many characters in a row were written into a field by a scanner; two may be a fast hand, or a slow line."""
+
+Held = TypeVar("Held")
+
+
+class Pace(Generic[Held]):
+    """Hears every key with its time, of any clock that only goes forward.
+
+    A key that repeats while it is held down is no burst: it is always the same one.
+    """
+
+    def __init__(self) -> None:
+        self._held: list[tuple[float, Held]] = []
+        self._name = ""
+        self._heard_s = self._burst_s = float("-inf")
+        self._written = 0
+
+    def hear(self, name: str, now_s: float) -> bool:
+        """Take note of a key, whatever becomes of it; return whether it is one of a burst."""
+        # What is still held is not known to have been alone: the thread that asks may be late.
+        close = bool(self._held) or now_s - self._heard_s <= APART_S
+        self._written = 0
+        return self._heard(name, now_s, burst=close and name != self._name)
+
+    def write(self, name: str, now_s: float, *, character: bool) -> bool:
+        """Take note of a key that belongs to a field; return whether a `character` of it was typed by nobody."""
+        soon = now_s - self._heard_s <= APART_S
+        self._written = (self._written if soon else 0) + 1 if character else 0
+        return self._heard(name, now_s, burst=bool(self._held) or self._written >= WRITTEN)
+
+    def _heard(self, name: str, now_s: float, *, burst: bool) -> bool:
+        if burst:
+            self._held.clear()
+            self._burst_s = now_s
+        self._name, self._heard_s = name, now_s
+        return burst
+
+    def hold(self, name: str, held: Held, now_s: float) -> bool:
+        """Hold an action back until nothing came close to it; return whether it is one of a burst, and dropped."""
+        if self.hear(name, now_s) or now_s - self._burst_s <= QUIET_S:
+            return True
+        self._held.append((now_s, held))
+        return False
+
+    def due(self, now_s: float) -> list[Held]:
+        """Return what was held back for long enough, once all that has come until now was heard."""
+        due = [held for at_s, held in self._held if now_s >= at_s + APART_S]
+        del self._held[: len(due)]
+        return due
+
+    def wait_s(self, now_s: float, longest_s: float) -> float:
+        """Return how long to wait for the next key: no longer than until something is due."""
+        if not self._held:
+            return longest_s
+        return min(max(self._held[0][0] + APART_S - now_s, 0.0), longest_s)

@@ -1,0 +1,126 @@
+"""Keys that come faster than from a person, and as fast as from one, at the real program in a real terminal."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from console.tui.app import SETTLED_S
+from tests.trainee import Trainee, console, console_at
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
+
+SCANNED = "WO-10024\r"
+"""A work order, as a scanner types it: its digits are those of pages, its Enter is that of a confirmation."""
+
+CHARACTER_S = 0.01
+"""Between two characters of a scanner that is slow."""
+
+
+def next_step(trainee: Trainee) -> str:
+    """What the page asks for, which tells how far its work has come."""
+    return trainee.terminal.row(-3)
+
+
+def scans_slowly(trainee: Trainee) -> None:
+    for character in SCANNED:
+        trainee.terminal.type(character)
+        time.sleep(CHARACTER_S)
+    trainee.scans("")
+
+
+def test_a_scanner_confirms_nothing_on_any_page_and_shows_no_other(tmp_path: Path) -> None:
+    with console(tmp_path, "en", 80, 24) as terminal:
+        trainee = console_at(terminal)
+        for page, seen in (
+            ("1", "Enter opens"),
+            ("2", "Set-up: lee-2001"),
+            ("3", "Margins|Strategy"),
+            ("4", "Clamp the blank with"),
+            ("5", "Before the start"),
+            ("6", "Inspect"),
+        ):
+            trainee.press(page)
+            terminal.wait_for(seen, 10.0)
+            trainee.sees("frame.no_alarms")
+            before = next_step(trainee)
+            trainee.scans(SCANNED)
+            trainee.sees("problem.screen.too_fast", 2.0)
+            terminal.wait_for(seen, 2.0)
+            assert next_step(trainee) == before, page
+        trainee.press("4")
+        trainee.sees("align_page.next.clamp", 2.0)
+        scans_slowly(trainee)
+        trainee.sees("problem.screen.too_fast", 2.0)
+        trainee.sees("align_page.next.clamp")
+        # The same by hand.
+        trainee.press("enter")
+        trainee.sees("align_page.next.drives")
+        # Escape closes the list of keys, once it is known that nothing was ordered that has not begun.
+        time.sleep(SETTLED_S)
+        trainee.press("?")
+        trainee.sees("key_help.align.enable", 2.0)
+        trainee.press("escape")
+        terminal.wait_for("C spindle", 2.0)  # the page is seen again
+        assert "STOPPED" not in terminal.text
+
+
+def test_what_a_scanner_writes_is_read_before_it_is_taken_and_its_stop_is_one(tmp_path: Path) -> None:
+    with console(tmp_path, "en", 80, 24) as terminal:
+        trainee = console_at(terminal)
+        trainee.press("down", "enter")
+        trainee.sees("setup.next.entry", 2.0)
+        trainee.scans(SCANNED)
+        trainee.sees("problem.screen.too_fast_entry", 2.0)
+        assert "-10024" in terminal.text
+        trainee.press("u")
+        terminal.wait_for(r"D 52\.000", 2.0)
+        assert "edited" not in terminal.text
+        trainee.press("s")
+        trainee.sees("setup.next.naming", 2.0)
+        trainee.scans(SCANNED)
+        trainee.sees("problem.screen.too_fast_entry", 2.0)
+        trainee.sees("setup.next.naming")
+        trainee.press("enter")
+        terminal.wait_for("Set-up: WO-10024", 2.0)
+        trainee.scans("WO 10024\r")
+        trainee.sees("problem.screen.too_fast_stopped", 2.0)
+        terminal.wait_for(r"Stopped \(Space\), at rest", 5.0)
+        trainee.press("f2")
+        trainee.sees("activity.ready", 5.0)
+
+
+def test_presses_at_the_pace_of_a_person_are_steps_and_those_too_fast_are_told(tmp_path: Path) -> None:
+    with console(tmp_path, "en", 80, 24) as terminal:
+        trainee = console_at(terminal)
+        trainee.switches_on()
+        trainee.starts_homing()
+        # Looking at another page stops nothing, nor does a scanner while the axes are on their way.
+        trainee.press("5")
+        terminal.wait_for("Before the start", 2.0)
+        trainee.press("4")
+        trainee.sees("align_page.next.jaw_enable", 30.0)
+        trainee.press("j")
+        trainee.sees("align_page.next.jaw", 2.0)
+        trainee.press(*["left"] * 10, pace_s=0.45)
+        made = steps_made(trainee)
+        # On a computer that is busy a step may take longer; what is not taken is told.
+        assert made == 10 or f"{10 - made} of 10 presses of ←" in terminal.text
+        terminal.wait_for(rf"Z carr\.\s+{0.01 * made:.3f} mm", 2.0)
+        trainee.press(*["right"] * 10, pace_s=0.15)
+        back = steps_made(trainee)
+        assert back < 10
+        assert re.search(r"of 10 presses of →|→ is held down or pressed too fast", terminal.text)
+        terminal.wait_for(rf"Z carr\.\s+{0.01 * (made - back):.3f} mm", 2.0)
+
+
+def steps_made(trainee: Trainee) -> int:
+    """How many steps the last presses have made, as the panel tells at rest."""
+    time.sleep(1.0)
+    trainee.sees("align_page.at_rest")
+    made = re.search(r"steps: (\d+)", trainee.terminal.text)
+    assert made is not None, trainee.terminal.text
+    return int(made[1])
