@@ -69,7 +69,7 @@ def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
         if then is not None and round(abs(met - then), 6) > LENGTH_MM:
             found.append(_differs(key, f"{met:.6g} mm", f"{then:.6g} mm"))
     for key, name, named in (("chuck", chuck, job.lobe_chuck), ("tool", tool, job.lobe_tool)):
-        if named is not None and name != named:
+        if named and name != named:
             found.append(_differs(f"{key}.name", f'"{name}"', f'"{named}"'))
     return tuple(found)
 
@@ -78,7 +78,7 @@ def unstated(job: Job) -> tuple[str, ...]:
     """Return the keys of the calibration cut that are missing in a job whose error was found on a part."""
     if not found_on_a_part(job):
         return ()
-    return tuple(key for key in (*CONDITIONS, *NAMES) if getattr(job, key) is None)
+    return tuple(key for key in (*CONDITIONS, *NAMES) if not getattr(job, key))
 
 
 def lobe_unstated(job: Job) -> tuple[Problem, ...]:
@@ -91,7 +91,7 @@ def lobe_unstated(job: Job) -> tuple[Problem, ...]:
 
 def any_stated(job: Job) -> bool:
     """Whether the job says anything of its calibration cut, except the force."""
-    return any(getattr(job, key) is not None for key in (*CONDITIONS, *NAMES) if key != "lobe_force_n")
+    return any(getattr(job, key) for key in (*CONDITIONS, *NAMES) if key != "lobe_force_n")
 
 
 def as_found(job: Job) -> Job:
