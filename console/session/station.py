@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 from console.session.alarms import Priority, acknowledged, cleared
-from console.session.alignment import observed
+from console.session.alignment import handed_over, observed
 from console.session.clearance import behind_face_mm, tool_in_part
 from console.session.collisions import COLLISION_CODES, collision_problems
 from console.session.cutting import put_back
@@ -72,7 +72,11 @@ class Station:
         """Take in a look at the machine, from whatever wait it was made in: the lathe calls this."""
         place, state = self._place, self._place.state
         alignment = observed(
-            state.alignment, drives_on=snapshot.loops_closed, homed=snapshot.homed, at=place.local_time()
+            state.alignment,
+            drives_on=snapshot.loops_closed,
+            homed=snapshot.homed,
+            at=place.local_time(),
+            chuck_open=not snapshot.inputs.get("chuck_closed", True),
         )
         place.tell(
             snapshot=snapshot,
@@ -432,7 +436,7 @@ class Station:
         """Say once that somebody else has taken the machine."""
         place = self._place
         if place.state.standing is Standing.OUSTED and not self._told("owner.ousted"):
-            place.tell(armed=None)
+            place.tell(armed=None, alignment=handed_over(place.state.alignment, place.local_time()))
             place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
 
     def _watch_devices(self, before: Snapshot | None, snapshot: Snapshot) -> None:

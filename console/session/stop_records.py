@@ -200,7 +200,11 @@ def _entry(way: str, origin: str, **values: object) -> StopEntry:
     """
     axis = values.pop("axis")
     given = {name: value for name, value in values.items() if value is not None}
-    numbers = {name: float(value) for name, value in given.items() if type(value) in (int, float)}
+    numbers: dict[str, Any] = {
+        name: float(value)
+        for name, value in given.items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
     if not isinstance(axis, str) or numbers.keys() != given.keys():
         raise ValueError(f"{way} {origin} {axis}")
-    return StopEntry(way=Way(way), origin=Origin(origin), axis=axis, **numbers)  # type: ignore[arg-type]
+    return StopEntry(way=Way(way), origin=Origin(origin), axis=axis, **numbers)

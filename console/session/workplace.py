@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from console.session.alarms import Priority, raised
-from console.session.alignment import aligned_machine
+from console.session.alignment import Alignment, aligned_machine, mounted_on
 from console.session.commissioned import Commissioned
 from console.session.owning import Owning
 from console.session.records import RunRecord
@@ -78,8 +78,12 @@ class Workplace:
         self.limits_seen: frozenset[str] = frozenset()
         self.hold_asked = False
         self._lock = threading.Lock()
-        name = machine.machine.name
-        self._state = StationState(simulated=shop is not None, machine=name, standing=Standing.OBSERVER)
+        self._state = StationState(
+            simulated=shop is not None,
+            machine=machine.machine.name,
+            standing=Standing.OBSERVER,
+            alignment=Alignment(on=mounted_on(machine.machine)),
+        )
 
     @property
     def state(self) -> StationState:

@@ -301,7 +301,7 @@ def test_without_compensation_nothing_is_judged() -> None:
 
 
 def test_the_summary_is_of_what_was_armed(armed: Armed) -> None:
-    moved = replace(VALID, jaw=JawAngle(angle_deg=99.0, at="09:59"), touch_off=None)
+    moved = replace(VALID, jaw=JawAngle(angle_deg=99.0, jaws=3, at="09:59"), touch_off=None)
     other = with_strategy(edited(experiment(), "chucking_force_n", "700"), "none")
     page = shown(state(moved, armed=armed), work=other, size=(100, 30))
     for value in ("1314 N", "pvt", "12.60 °", "R 76.000 mm"):
