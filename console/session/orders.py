@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from console.session.alarms import cleared
+from console.session.alarms import recovered
 from console.session.alignment import TouchOff, aligned_job, clamped, jaw_found, unclamped
 from console.session.axis_units import counts_per_unit
 from console.session.clearance import TOUCH_OFF_BAND_MM, over_part, tool_in_part
@@ -81,7 +81,7 @@ def take_over(place: Workplace, order: TakeOver) -> None:
     if not place.lathe.snapshot().loops_open:
         place.lathe.hands_clear()  # whoever had the machine has switched it on since
     place.tell_standing()
-    place.tell(alarms=cleared(place.state.alarms, *OWNER_CODES))
+    place.end_alarms(*OWNER_CODES)
     verify(place, Verify())
 
 
@@ -200,8 +200,8 @@ def recover(place: Workplace, _: Recover) -> None:
     place.lathe.stop.release()
     if place.state.controls:
         place.lathe.acknowledge_loss()
-    gone = cleared(place.state.alarms, *(alarm.problem.code for alarm in place.state.alarms))
-    place.tell(stop=None, armed=None, alarms=gone)
+    place.change_alarms(recovered)
+    place.tell(stop=None, armed=None)
     place.limits_seen = place.lathe.snapshot().limits
 
 

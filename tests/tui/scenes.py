@@ -20,6 +20,7 @@ from console.session.lessons import taught_by
 from console.session.made_parts import MadeWith
 from console.session.part_lesson import PartLesson
 from console.session.paths import jobs_folder
+from console.session.phase import Phase
 from console.session.preview import Preview, preview
 from console.session.progress import CutProgress, CutStage
 from console.session.ripple import SpindleRipple
@@ -149,7 +150,8 @@ def cut() -> CutProgress:
         tool_error_um=-0.587,
         tool_error_peak_um=1.423,
         following_error_um=12.34,
-        phase_error_deg=0.083,
+        phase=Phase(error_deg=0.083, within_deg=0.05),
+        phase_limit_deg=1.389,
         synchronisation=Synchronisation.IN_SYNC,
         ripple=SpindleRipple(1.183, 0.568),
         angles_deg=angles_deg,

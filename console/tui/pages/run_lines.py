@@ -57,7 +57,8 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
     cut = (Problem(code="screen.part_is_cut"),) if state.cut_done else ()
     return (
         Check(name="no_stop", problems=stopped),
-        Check(name="no_fault", problems=faults),
+        # Drives that are off report none, whatever is the matter.
+        Check(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),
         *_of_work(state, work, machine),
         Check(name="drives_on", problems=drives),
         Check(name="homed", problems=homed),
