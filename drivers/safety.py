@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from drivers.errors import DriverError
 from profiles.machine import SAFETY_DEVICES, MachineProfile, Safety
+from profiles.machine_signature import is_signature
 from profiles.problem import Problem
 
 WIRED, NOT_FITTED = "wired", "not fitted"
@@ -64,7 +65,7 @@ def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
 
 def _unfitted(safety: Safety) -> Iterator[Problem]:
     for device, fitted in safety.devices.items():
-        if fitted == NOT_FITTED and not safety.signed_by:
+        if fitted == NOT_FITTED and not is_signature(safety.signed_by):
             yield Problem(code="safety.not_signed", key=f"safety.{device}", value=fitted, limit="safety.signed_by")
         elif fitted not in (WIRED, NOT_FITTED):
             yield Problem(

@@ -1,4 +1,4 @@
-"""How a machine was seen to stop: measured on it, once for its settings, and believed for a while only.
+"""How a machine was seen to stop: measured on it, once for its settings. `stop_record_check` says who believes it.
 
 For the controller a cut cable and a host that was killed (SIGKILL) are what the loss of the lease is: the host
 falls silent. So there are three ways to stop: control-A, control-K, and silence.
@@ -6,7 +6,6 @@ falls silent. So there are three ways to stop: control-A, control-K, and silence
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
@@ -18,10 +17,6 @@ from drivers.pmac.configuration.reading import read_ranges
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.lease import SERVO_PERIOD
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
-
-VALID_DAYS = 180
-"""So long a record is believed: drives, brakes and friction change. Half a year is a usual interval of checks."""
 
 MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)
 """Ix15 to Ix25, what stops and ramps a motor and what its flags do; Ix30 to Ix35, its gains."""
@@ -72,7 +67,7 @@ class StopEntry:
 class StopRecord:
     """The entries of one machine. `kind` and `version` are its controller's; `key` is `stop_key` of its settings.
 
-    `address` is the link that it was measured over, for people, and `stop_way` what the stops went through.
+    `address` is the link that it was measured over, and `stop_way` what the stops went through.
     """
 
     machine: str
@@ -97,22 +92,6 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
     return frozenset((way, origin, axis) for way in ways for origin in Origin for axis in axes)
 
 
-def record_problems(
-    record: StopRecord | None,
-    now: date,
-    key: str,
-    needed: Iterable[tuple[Way, Origin, str]],
-    stop_way: StopWay,
-) -> tuple[Problem, ...]:
-    """Return why nothing may be armed by this record: none, too old, of other settings, not all of it.
-
-    `stop_way` is what a stop would go through now: stops of another way are none of this one.
-    """
-    if record is None:
-        return (Problem(code="stops.no_record"),)
-    return tuple(_problems(record, now, key, needed, stop_way))
-
-
 def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> str:
     """Read what decides how the machine stops, and return its hash.
 
@@ -129,18 +108,3 @@ def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> s
     lines = [f"I{index}={value!r}" for index, value in sorted(settings.items())]
     lines.append(f"{machine.heartbeat.policy} {machine.heartbeat.grace_ms!r}")
     return digest([machine.name, kind.strip(), version.strip(), *lines])
-
-
-def _problems(
-    record: StopRecord, now: date, key: str, needed: Iterable[tuple[Way, Origin, str]], stop_way: StopWay
-) -> Iterator[Problem]:
-    if not 0 <= (now - record.measured_at).days <= VALID_DAYS:
-        limit = f"<= {VALID_DAYS} d"
-        yield Problem(code="stops.expired", value=record.measured_at.isoformat(), limit=limit)
-    if record.key != key:
-        yield Problem(code="stops.other_settings", value=record.key[:12], limit=key[:12])
-    if stop_way not in (record.stop_way, StopWay.LOST):
-        yield Problem(code="stops.other_way", value=record.stop_way, limit=stop_way)
-    missing = frozenset(needed) - {(entry.way, entry.origin, entry.axis) for entry in record.entries}
-    if missing:
-        yield Problem(code="stops.incomplete", value=", ".join(sorted(" ".join(each) for each in missing)))

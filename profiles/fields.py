@@ -5,7 +5,7 @@ that a file is corrected once. Nothing is guessed: a truth value is not a number
 3.0 is not a whole number.
 
 Problem codes: `key.unknown`, `key.missing`, `key.missing_several`, `key.twice`, `value.not_number`,
-`value.not_whole`, `value.not_text`, `value.not_choice`, `value.not_finite`, `value.out_of_range`,
+`value.not_whole`, `value.not_text`, `value.blank`, `value.not_choice`, `value.not_finite`, `value.out_of_range`,
 `value.too_small`, `schema.unsupported`.
 """
 
@@ -29,6 +29,8 @@ LEAST_MAGNITUDE = 1e-9
 """Below this, in any unit, a number is 0 or a mistake: squares and quotients of it leave what a float can hold."""
 
 _DEPTH_CAP_TABLES = 8
+# Letters and symbols that leave no ink: Hangul fillers, an empty Braille cell.
+_INVISIBLE = frozenset("\u115f\u1160\u3164\uffa0\u2800")
 # More than these in one file mean that it is some other file.
 _UNKNOWN_CAP = 20
 # More missing keys than these, and nothing else, are one problem: the file is empty or hardly begun.
@@ -113,7 +115,7 @@ def fault(field: Field, value: object) -> str:
     if field.kind is Kind.TEXTS:
         return _fault_of_texts(field, value)
     if field.kind is Kind.TEXT:
-        return "" if _is_text(value, may_be_empty=not field.required) else "value.not_text"
+        return _fault_of_text(field, value)
     if field.kind is Kind.CHOICE:
         return "" if isinstance(value, str) and value in field.choices else "value.not_choice"
     if field.kind is Kind.WHOLE and (isinstance(value, bool) or not isinstance(value, int)):
@@ -211,14 +213,25 @@ def _converted(field: Field, value: Any) -> object:
     return tuple(value) if field.kind is Kind.TEXTS else value
 
 
-def _is_text(value: object, *, may_be_empty: bool) -> bool:
-    if not isinstance(value, str) or not value.isprintable() or len(value) > TEXT_CAP_CHARACTERS:
-        return False
-    return may_be_empty or bool(value.strip())
+def is_blank(text: str) -> bool:
+    """Whether nothing can be read of a text: it is empty, or there is nothing in it but blanks of some kind."""
+    return all(character.isspace() or character in _INVISIBLE for character in text)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and value.isprintable() and len(value) <= TEXT_CAP_CHARACTERS
+
+
+def _fault_of_text(field: Field, value: object) -> str:
+    if not isinstance(value, str) or not _is_text(value):
+        return "value.not_text"
+    if not is_blank(value) or (not value and not field.required):
+        return ""
+    return "value.not_text" if field.required else "value.blank"
 
 
 def _fault_of_texts(field: Field, value: object) -> str:
-    if not isinstance(value, list | tuple) or not all(_is_text(item, may_be_empty=False) for item in value):
+    if not isinstance(value, list | tuple) or not all(_is_text(item) and not is_blank(item) for item in value):
         return "value.not_text"
     strange = field.choices and not set(value) <= set(field.choices)
     return "value.not_choice" if strange else ""

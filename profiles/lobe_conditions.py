@@ -62,7 +62,7 @@ def lobe_source(job: Job, *, chuck: str | None = None, tool: str | None = None) 
     if job.lobe_error_source not in _FOUND_ON_A_PART:
         return job.lobe_error_source
     of_names = ((job.lobe_chuck, chuck), (job.lobe_tool, tool))
-    other = any(None not in pair and pair[0] != pair[1] for pair in of_names)
+    other = any(pair[0] and pair[1] is not None and pair[0] != pair[1] for pair in of_names)
     return OTHER_CUT if other or changed_conditions(job) else job.lobe_error_source
 
 
@@ -86,7 +86,7 @@ def lobe_differences(job: Job, *, chuck: str, tool: str) -> tuple[Problem, ...]:
     """
     found = _of_conditions(job)
     for key, name, named in (("chuck", chuck, job.lobe_chuck), ("tool", tool, job.lobe_tool)):
-        if named is not None and name != named:
+        if named and name != named:
             found.append(_differs(f"{key}.name", f'"{name}"', f'"{named}"'))
     return tuple(found)
 
@@ -123,7 +123,7 @@ def unstated(job: Job) -> tuple[str, ...]:
     """Return the keys of the calibration cut that are missing in a job whose error was found on a part."""
     if not found_on_a_part(job):
         return ()
-    return tuple(key for key in (*CONDITIONS, *NAMES) if getattr(job, key) is None)
+    return tuple(key for key in (*CONDITIONS, *NAMES) if not getattr(job, key))
 
 
 def lobe_unstated(job: Job) -> tuple[Problem, ...]:
@@ -136,7 +136,7 @@ def lobe_unstated(job: Job) -> tuple[Problem, ...]:
 
 def any_stated(job: Job) -> bool:
     """Whether the job says anything of its calibration cut, except the force."""
-    return any(getattr(job, key) is not None for key in (*CONDITIONS, *NAMES) if key != "lobe_force_n")
+    return any(getattr(job, key) for key in (*CONDITIONS, *NAMES) if key != "lobe_force_n")
 
 
 def as_found(job: Job) -> Job:

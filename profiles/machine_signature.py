@@ -1,10 +1,11 @@
-"""For which machine the safety devices were signed for: a signature for the simulator opens no real machine."""
+"""Who has signed for the safety devices, and for which machine: one for the simulator opens no real machine."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from profiles.fields import is_blank, spelled
 from profiles.machine_fields import SIGNED_FOR
 from profiles.problem import Problem
 
@@ -14,10 +15,23 @@ if TYPE_CHECKING:
 MACHINE, SIMULATOR = SIGNED_FOR
 
 
+def is_signature(signed_by: str) -> bool:
+    """Whether a text names somebody: there is a letter in it. Marks and blanks are nobody's word."""
+    return any(character.isalpha() and not is_blank(character) for character in signed_by)
+
+
 def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> list[Problem]:
-    """Return the refusal of a signature that does not say what was signed for: `key.missing`."""
+    """Return the refusal of a signature that names nobody, or does not say what was signed for.
+
+    Problem codes: `safety.nobody_named`, `key.missing`.
+    """
     safety = sections.get("safety", {})
-    if not safety.get("signed_by") or safety.get("signed_for") != "":
+    signed_by, key = safety.get("signed_by"), "safety.signed_by"
+    if not signed_by:
+        return []
+    if not is_signature(signed_by):
+        return [Problem(code="safety.nobody_named", where=where, key=key, value=spelled(signed_by))]
+    if safety.get("signed_for") != "":
         return []
     return [Problem(code="key.missing", where=where, key="safety.signed_for", limit=" | ".join(SIGNED_FOR))]
 

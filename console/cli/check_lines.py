@@ -37,7 +37,7 @@ def sentence(check: Check, text: Catalogue) -> str:
         "what": _what(check, subject, text),
         "subject": subject,
         "variable": check.variable,
-        "found": check.found,
+        "found": text.words(check.found) if check.code.endswith("_faults") else check.found,
         "wanted": check.wanted,
         **check.facts,
     }

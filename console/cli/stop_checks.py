@@ -11,7 +11,8 @@ from console.cli.library import data_of
 from console.session.stop_records import load, store, withdraw
 from drivers.link.base import StopWay
 from drivers.pmac.configuration.check import Check, Group, Outcome
-from drivers.stop_record import VALID_DAYS, StopRecord, needed_stops, record_problems, stop_key
+from drivers.stop_record import StopRecord, stop_key
+from drivers.stop_record_check import VALID_DAYS, StopsNow, record_problems
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
@@ -39,8 +40,7 @@ def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
         record = load(data_of(options), card.machine)
     except ProfileError as error:
         return [_warned(problem) for problem in error.problems]
-    key = stop_key(card.client, card.machine, card.dialect)
-    problems = record_problems(record, today, key, needed_stops(card.machine), card.stop.way)
+    problems = record_problems(record, _now(card, today))
     if record is None or problems:
         return [_warned(problem) for problem in problems]
     until = record.measured_at + timedelta(days=VALID_DAYS)
@@ -69,23 +69,40 @@ def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> N
     if failed or card.stop.way is StopWay.LOST:
         withdraw(data_of(options), card.machine)
         return
-    key = stop_key(card.client, card.machine, card.dialect)
+    now = _now(card, today)
     record = StopRecord(
         machine=card.machine.name,
         kind=card.kind,
         version=card.version,
-        key=key,
+        key=now.key,
         measured_at=today,
         address=card.address,
         stop_way=card.stop.way,
         entries=proven.stops,
     )
-    if not record_problems(record, today, key, needed_stops(card.machine), card.stop.way):
+    if not record_problems(record, now):
         store(data_of(options), card.machine, record)
+
+
+def _now(card: Card, today: date) -> StopsNow:
+    """Return what a record has to be of to be believed.
+
+    Raises:
+        DriverError: the link broke.
+    """
+    key = stop_key(card.client, card.machine, card.dialect)
+    return StopsNow(machine=card.machine, key=key, today=today, stop_way=card.stop.way, address=card.address)
 
 
 def _warned(problem: Problem) -> Check:
     """Such a machine may be moved, or nobody could prove its stops; it is only not armed."""
     area, _, name = problem.code.partition(".")
     code = f"stops_{name}" if area == "stops" else "stops_unreadable"
-    return Check(group=Group.STOPS, code=code, outcome=Outcome.WARNED, found=problem.value, wanted=problem.limit)
+    return Check(
+        group=Group.STOPS,
+        code=code,
+        outcome=Outcome.WARNED,
+        found=problem.value,
+        wanted=problem.limit,
+        facts={"machine": problem.key},
+    )

@@ -1,11 +1,45 @@
-"""Alarms as values: raised, seen, acknowledged, cleared. The first one stays in front of its own flood."""
+"""Alarms as values: raised, seen, acknowledged, ended. The first one stays in front of its own flood.
+
+An alarm tells of a condition or of an event. A condition is watched: it stands as long as it is so, over a stop
+and the way back from it (F2), and once acknowledged it stays acknowledged. An event is over with that way back, or
+with the cut that it was of. What is over leaves once it has been seen; what has not been seen stays.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
+from console.session.collisions import COLLISION_CODES
 from profiles.problem import Problem
+
+FAULT = "machine.fault"
+"""Faults that the controller reports of axes; `value` names them, with commas between."""
+
+AT_REST = "rest"
+"""The `key` of faults that have stopped nothing, because nothing was under control."""
+
+HOME_LOST = ("controller.was_reset", "controller.home_lost")
+"""Positions that are lost: it is so until every axis has found its zero again."""
+
+CONDITIONS = frozenset(
+    {
+        FAULT,
+        "safety.not_good",
+        "stops.connection_lost",
+        "owner.held",
+        "owner.beside",
+        "owner.ousted",
+        "heartbeat.lost",
+        *HOME_LOST,
+        *COLLISION_CODES,
+    }
+)
+"""What is watched: whoever raises one of these ends it when it is no longer so."""
+
+OF_A_CUT = ("cut.out_of_phase", "cut.spindle_stands")
+"""What is over with the cut that it was of."""
 
 
 class Priority(IntEnum):
@@ -18,7 +52,10 @@ class Priority(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """One condition that wants a response. `at_s` is machine time of its first raise, `count` its raises."""
+    """One condition or event that wants a response.
+
+    `at_s` is machine time of its first raise, `count` its raises. `active` is False once it is over.
+    """
 
     problem: Problem
     priority: Priority
@@ -26,6 +63,12 @@ class Alarm:
     count: int = 1
     acknowledged: bool = False
     active: bool = True
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """The faults of axes that it tells of."""
+        named = self.problem.value if self.problem.code == FAULT else ""
+        return tuple(named.split(", ")) if named else ()
 
 
 Alarms = tuple[Alarm, ...]
@@ -45,12 +88,53 @@ def acknowledged(alarms: Alarms) -> Alarms:
     return tuple(replace(alarm, acknowledged=True) for alarm in alarms if alarm.active)
 
 
+def seen(alarms: Alarms, shown: tuple[Problem, ...] = ()) -> Alarms:
+    """Return the alarms with those acknowledged that were `shown`, else the foremost; the others wait."""
+    front = foremost(alarms)
+    which = shown or (() if front is None else (front.problem,))
+    return tuple(
+        after for alarm in alarms for after in (acknowledged((alarm,)) if alarm.problem in which else (alarm,))
+    )
+
+
 def cleared(alarms: Alarms, *codes: str) -> Alarms:
     """Return the alarms after the cause of these codes is gone: what was seen leaves, what was not stays."""
-    after = (replace(a, active=False) if a.problem.code in codes else a for a in alarms)
-    return tuple(alarm for alarm in after if alarm.active or not alarm.acknowledged)
+    return _ended(alarms, lambda alarm: alarm.problem.code in codes)
+
+
+def recovered(alarms: Alarms) -> Alarms:
+    """Return the alarms after the operator has gone on after a stop: events are over, conditions stand."""
+    return _ended(alarms, lambda alarm: alarm.problem.code not in CONDITIONS)
+
+
+def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float) -> Alarms:
+    """Return the alarms with the faults that the controller reports now.
+
+    Each is told by one alarm: by that of the motion that it has stopped, else by one of its own for all that were
+    met at rest. One that comes is an alarm anew; with the last of its faults an alarm is over.
+    """
+    now = tuple(faults)
+    known = {fault for alarm in alarms if alarm.active for fault in alarm.faults}
+    fresh = tuple(fault for fault in now if fault not in known)
+    after = _ended(alarms, lambda alarm: bool(alarm.faults) and not set(alarm.faults) & set(now))
+    if not fresh:
+        return after
+    before = (f for alarm in after if alarm.active and alarm.problem.key == AT_REST for f in alarm.faults)
+    standing = (*(fault for fault in before if fault in now), *fresh)
+    problem = Problem(code=FAULT, key=AT_REST, value=", ".join(standing))
+    return raised(after, problem, Priority.HIGH, at_s)
 
 
 def foremost(alarms: Alarms) -> Alarm | None:
     """Return the one to show: not yet seen before seen, by priority, the first that came."""
     return min(alarms, key=lambda a: (a.acknowledged, a.priority, a.at_s), default=None)
+
+
+def unseen(alarms: Alarms) -> Alarms:
+    """Return those that nobody has acknowledged: each comes to the row in its turn."""
+    return tuple(alarm for alarm in alarms if not alarm.acknowledged)
+
+
+def _ended(alarms: Alarms, over: Callable[[Alarm], bool]) -> Alarms:
+    after = (replace(alarm, active=False) if over(alarm) else alarm for alarm in alarms)
+    return tuple(alarm for alarm in after if alarm.active or not alarm.acknowledged)

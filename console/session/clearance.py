@@ -8,9 +8,14 @@ from __future__ import annotations
 from console.session.alignment import Alignment, aligned_machine
 from drivers.snapshot import Snapshot
 from profiles.machine import MachineProfile
+from profiles.problem import Problem
 
 CLEAR_MM = 0.2
 """Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
+
+
+TOUCH_OFF_BAND_MM = 1.5
+"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
 
 
 def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:
@@ -26,11 +31,18 @@ def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignmen
 
 
 def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> bool | None:
-    """Return whether the tip is over the clamped blank and not clear of it; None where that is not known."""
+    """Return whether the tip is over the clamped blank and not clear of it; None where that is not known.
+
+    Before the touch-off the tip is only known to the band in which that may find it.
+    """
     gap_mm = tool_gap_mm(snapshot, machine, alignment)
     if gap_mm is None or alignment.clamping is None:
         return None
-    return gap_mm < CLEAR_MM and over_part(snapshot, machine, alignment.clamping.overhang_mm)
+    if not over_part(snapshot, machine, alignment.clamping.overhang_mm):
+        return False
+    if gap_mm < CLEAR_MM:
+        return True
+    return None if alignment.touch_off is None and gap_mm < CLEAR_MM + TOUCH_OFF_BAND_MM else False
 
 
 def over_part(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> bool:
@@ -42,3 +54,22 @@ def behind_face_mm(snapshot: Snapshot, machine: MachineProfile, overhang_mm: flo
     """Return how far the tool stands behind the face of a part, along Z; negative in front of it."""
     carriage = machine.carriage
     return snapshot.carriage.position / carriage.counts_per_mm - (carriage.jaw_face_mm - overhang_mm)
+
+
+def no_retract(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> Problem | None:
+    """Return why the tool cannot be taken out, with what is known of where it stands; None where it can be.
+
+    Nothing holds a tool whose drive is off: it is not called out, wherever it was seen. Where its place is not
+    known that is said, and not that it stands in the part.
+    """
+    if snapshot is None:
+        return Problem(code="screen.nothing_known")
+    if snapshot.loops_closed:
+        return None
+    match tool_in_part(snapshot, machine, alignment):
+        case True:
+            return Problem(code="machine.retract_not_possible")
+        case False:
+            return Problem(code="alignment.drives_off")
+        case None:
+            return Problem(code="machine.tool_unknown")

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from console.session.alignment import problems
 from console.session.blank import touched_by
 from console.session.calibrated_chuck import calibrations_of
+from console.session.clearance import no_retract
 from console.session.compensated import compensation_problems, path_of, stored_problems
 from console.session.errors import SessionError
 from console.session.intents import Arm, Disarm, Retract, Start
@@ -192,8 +193,9 @@ def retract(place: Workplace, _: Retract) -> None:
         DriverError: `machine.retract_direction`, the tool is out already.
     """
     snapshot = place.lathe.snapshot()
-    if not snapshot.loops_closed:
-        raise SessionError(Problem(code="machine.retract_not_possible"))
+    refused = no_retract(snapshot, place.loaded_machine.machine, place.state.alignment)
+    if refused is not None:
+        raise SessionError(refused)
     tool = place.machine.tool
     if place.plan is not None:
         target = place.plan.setup.retracted

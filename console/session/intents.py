@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from drivers.cut import Strategy
     from profiles.job import Job
     from profiles.learned import LearnedCompensation
+    from profiles.problem import Problem
     from profiles.store import LoadedJob
 
 
@@ -126,7 +127,9 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acknowledge:
-    """The operator has seen the alarms."""
+    """The operator has seen the alarms that are `shown`, none: the foremost. The next one takes its place."""
+
+    shown: tuple[Problem, ...] = ()
 
 
 Intent = (

@@ -168,7 +168,7 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
     if not 0.0 <= jaw_1_deg < 360.0:
         limit = f"{AS_FILED} | 0 … 360 deg"
         raise SessionError(Problem(code="learned.bad_stage", key=CUT_JAW, value=made.cut_jaw_1_deg, limit=limit))
-    found = aligned_job(job, Alignment(jaw=JawAngle(angle_deg=jaw_1_deg, at="")))
+    found = aligned_job(job, Alignment(jaw=JawAngle(angle_deg=jaw_1_deg, jaws=job.jaws, at="")))
     return replace(found, assumed=tuple(key for key in job.assumed if key != "lobe_phase_deg"))
 
 

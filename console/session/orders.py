@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from console.session.alarms import cleared
-from console.session.alignment import Clamping, JawAngle, TouchOff, aligned_job, unclamped
+from console.session.alarms import recovered
+from console.session.alignment import TouchOff, aligned_job, clamped, jaw_found, unclamped
 from console.session.axis_units import counts_per_unit
-from console.session.clearance import over_part, tool_in_part
+from console.session.clearance import TOUCH_OFF_BAND_MM, over_part, tool_in_part
 from console.session.cutting import arm, disarm, put_back, retract, start
 from console.session.errors import SessionError
 from console.session.intents import (
@@ -53,9 +53,6 @@ from profiles.rules import Severity, force_as_measured
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
 """Alarms that a take-over settles."""
 
-TOUCH_OFF_BAND_MM = 1.5
-"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
-
 STILL_S, STILL_COUNTS = 0.2, 2.0
 """Two looks so far apart may differ by so much: 0.06 rpm of the spindle."""
 
@@ -84,7 +81,7 @@ def take_over(place: Workplace, order: TakeOver) -> None:
     if not place.lathe.snapshot().loops_open:
         place.lathe.hands_clear()  # whoever had the machine has switched it on since
     place.tell_standing()
-    place.tell(alarms=cleared(place.state.alarms, *OWNER_CODES))
+    place.end_alarms(*OWNER_CODES)
     verify(place, Verify())
 
 
@@ -100,14 +97,7 @@ def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
         raise SessionError(finding.problem)
     if place.shop is not None:
         place.shop.mount(order.job)
-    job = order.job
-    stamp = Clamping(
-        force_n=job.chucking_force_n,
-        diameter_mm=job.diameter_mm,
-        overhang_mm=job.overhang_mm,
-        at=place.local_time(),
-    )
-    alignment = replace(place.state.alignment, clamping=stamp, lost=())
+    alignment = clamped(place.state.alignment, order.job, place.local_time())
     place.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
 
 
@@ -172,8 +162,9 @@ def take_jaw(place: Workplace, _: TakeJaw) -> None:
     snapshot = place.lathe.snapshot()
     _refuse_unless_at_rest(snapshot.at_rest)
     angle_deg = math.fmod(snapshot.spindle.position / counts_per_unit(place.machine, AxisName.SPINDLE), 360.0)
-    stamp = JawAngle(angle_deg=angle_deg % 360.0, at=place.local_time())
-    place.tell(alignment=replace(place.state.alignment, jaw=stamp, lost=()))
+    alignment = place.state.alignment
+    jaws = place.machine.chuck.jaws if alignment.clamping is None else alignment.clamping.jaws
+    place.tell(alignment=jaw_found(alignment, angle_deg, jaws, place.local_time()))
 
 
 def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
@@ -190,8 +181,9 @@ def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
         value = f"R {zero_mm:.3f} mm"
         limit = f"R {tool.home_radius_mm:.3f} ± {TOUCH_OFF_BAND_MM:g} mm"
         raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
-    stamp = TouchOff(zero_radius_mm=zero_mm, at=place.local_time())
-    place.tell(alignment=replace(place.state.alignment, touch_off=stamp, lost=()))
+    alignment, diameter_mm = place.state.alignment, clamping.diameter_mm
+    stamp = TouchOff(zero_radius_mm=zero_mm, diameter_mm=diameter_mm, at=place.local_time(), on=alignment.on)
+    place.tell(alignment=replace(alignment, touch_off=stamp))
 
 
 def forget(place: Workplace, _: Forget) -> None:
@@ -208,8 +200,8 @@ def recover(place: Workplace, _: Recover) -> None:
     place.lathe.stop.release()
     if place.state.controls:
         place.lathe.acknowledge_loss()
-    gone = cleared(place.state.alarms, *(alarm.problem.code for alarm in place.state.alarms))
-    place.tell(stop=None, armed=None, alarms=gone)
+    place.change_alarms(recovered)
+    place.tell(stop=None, armed=None)
     place.limits_seen = place.lathe.snapshot().limits
 
 

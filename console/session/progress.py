@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -10,12 +9,12 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.phase import Phase, is_in_phase, phase_limit_deg, phase_of
 from console.session.ripple import SpindleRipple, spindle_ripple
 from console.session.synchronisation import Synchronisation, before_part, in_part
 from console.session.telemetry import CutFigures, Telemetry
 from drivers.cut import CutPlan, Strategy
 from drivers.snapshot import AxisName, Snapshot
-from profiles.compensation import LobedPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -23,13 +22,9 @@ KEPT_LOOKS = 240
 """Looks that are shown and judged: some eight seconds."""
 
 PHASE_LOOKS = 60
-LEAST_PHASE_LOOKS = 20
 
 LEAST_PEAK_UM = 1.0
 """No tool error is so small that twice as much would already be the tool leaving the part."""
-
-PHASE_LIMIT_DEG = 1.0
-"""Spindle degrees by which the tool may be out of phase (1 deg leaves 2.9 um of 55)."""
 
 BEGUN_UM = 20.0
 """A tool that has gone so far from where the program found it was moved by the program."""
@@ -56,13 +51,14 @@ class CutProgress:
 
     `speed_rpm` is None while too little was seen of the spindle. Angles are degrees from its index. `angles_deg`
     and `errors_um` (tool against the wanted path at the spindle angle of that very instant, infeed positive) are
-    the last looks in the part, oldest first, not to be written to. `phase_error_deg` is how much the tool is
+    the last looks in the part, oldest first, not to be written to. `phase` is how much the tool is
     behind the wanted path, in spindle degrees, None while too little was seen or there is no lobe to be in phase
-    with. `fraction` is that of the cut length. `figures` are those of the whole cut, once it has ended. `judged`
-    is False where the strategy follows no lobe: the tool error is then the lobe itself, and there is no phase.
-    `synchronisation` is None where there is nothing to keep together, or too little was seen of it. `ripple` is
-    how the speed of the spindle swings within a turn, by the last looks in the part; None where it cannot be told.
-    A cut `in_air` has all of it beside the part, so far out as it was planned.
+    with; `phase_limit_deg` is what the part allows of it, None where no phase spoils it. `fraction` is that of the
+    cut length. `figures` are those of the whole cut, once it has ended. `judged` is False where the strategy
+    follows no lobe: the tool error is then the lobe itself, and there is no phase. `synchronisation` is None where
+    there is nothing to keep together, or too little was seen of it. `ripple` is how the speed of the spindle
+    swings within a turn, by the last looks in the part; None where it cannot be told. A cut `in_air` has all of it
+    beside the part, so far out as it was planned.
     """
 
     stage: CutStage
@@ -79,9 +75,10 @@ class CutProgress:
     tool_error_um: float
     tool_error_peak_um: float
     following_error_um: float
-    phase_error_deg: float | None
+    phase: Phase | None
     angles_deg: NDArray[np.float64]
     errors_um: NDArray[np.float64]
+    phase_limit_deg: float | None
     figures: CutFigures | None = None
     judged: bool = True
     synchronisation: Synchronisation | None = None
@@ -90,8 +87,13 @@ class CutProgress:
 
     @property
     def in_phase(self) -> bool | None:
-        """Whether the phase error is within its limit, None while it is not known."""
-        return is_in_phase(self.phase_error_deg)
+        """Whether the phase error is within its limit, as far as it is known; None while it is not."""
+        return is_in_phase(self.phase, self.phase_limit_deg)
+
+    @property
+    def phase_error_deg(self) -> float | None:
+        """How much the tool is behind the wanted path, spindle degrees, None while it is not known."""
+        return None if self.phase is None else self.phase.error_deg
 
     @property
     def is_lost(self) -> bool:
@@ -129,6 +131,7 @@ class CutWatch:
         self._peak_um = 0.0
         self._held = self._over = False
         self._judged = plan.strategy is not Strategy.NONE
+        self._phase_limit_deg = phase_limit_deg(plan.wanted, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
         """Take a look into account and return the moment that it shows, with the speed of the spindle in it."""
@@ -174,7 +177,7 @@ class CutWatch:
             z_mm = 0.0  # the carriage comes from wherever it stood; nothing of the cut is done
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
         angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
-        phase_error_deg = self._phase_error_deg()
+        phase = self._phase()
         return CutProgress(
             stage=stage,
             holding=holding,
@@ -190,19 +193,20 @@ class CutWatch:
             tool_error_um=infeed_um - wanted_um,
             tool_error_peak_um=self._peak_um,
             following_error_um=snapshot.tool.following_error * machine.tool.count_um,
-            phase_error_deg=phase_error_deg,
+            phase=phase,
             judged=self._judged,
-            synchronisation=self._synchronisation(snapshot, stage, speed_rpm, is_in_phase(phase_error_deg)),
+            synchronisation=self._synchronisation(snapshot, stage, speed_rpm, phase),
             ripple=self._ripple(),
             in_air=self._in_air,
             angles_deg=angles,
             errors_um=errors,
+            phase_limit_deg=self._phase_limit_deg,
         )
 
     def _synchronisation(
-        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, in_phase: bool | None
+        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: Phase | None
     ) -> Synchronisation | None:
-        plan = self._plan
+        plan, in_phase = self._plan, is_in_phase(phase, self._phase_limit_deg)
         wanted_rpm = plan.spindle_speed_rpm
         if stage is CutStage.CUT:
             return in_part(plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, in_phase=in_phase)
@@ -217,31 +221,8 @@ class CutWatch:
         looks = np.array(self._turning, dtype=np.float64).reshape(-1, 2)
         return spindle_ripple(looks, self._machine.spindle.counts_per_rev)
 
-    def _phase_error_deg(self) -> float | None:
-        return phase_error_deg(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted) if self._judged else None
+    def _phase(self) -> Phase | None:
+        return phase_of(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted) if self._judged else None
 
     def _angle_deg(self, snapshot: Snapshot) -> float:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
-
-
-def is_in_phase(phase_error_deg: float | None) -> bool | None:
-    """Return whether a phase error is within its limit, None where it is not known."""
-    return None if phase_error_deg is None else abs(phase_error_deg) <= PHASE_LIMIT_DEG
-
-
-def phase_error_deg(looks: NDArray[np.float64], wanted: LobedPath) -> float | None:
-    """Return by how many spindle degrees the tool is behind `wanted`.
-
-    `looks` has rows of spindle angle (deg) and infeed (um). The best sine of the lobe's order through the looks
-    (least squares) is compared with the wanted one; None with too few looks, or without a lobe.
-    """
-    if len(looks) < LEAST_PHASE_LOOKS or wanted.amplitude_um == 0.0:
-        return None
-    wave = wanted.lobes * np.radians(looks[:, 0])
-    basis = np.stack([np.ones_like(wave), np.cos(wave), np.sin(wave)], axis=1)
-    _, c, s = np.linalg.lstsq(basis, looks[:, 1], rcond=None)[0]
-    if math.hypot(c, s) < 0.1 * wanted.amplitude_um:
-        return None
-    behind_deg = math.degrees(math.atan2(s, c)) / wanted.lobes - wanted.crest_deg
-    period_deg = 360.0 / wanted.lobes
-    return math.remainder(behind_deg, period_deg)

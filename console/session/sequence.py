@@ -233,7 +233,9 @@ def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionEr
     with suppress(ProblemError):
         # The machine rests, and what went wrong is what matters: the next cut would find the rest.
         lathe.restore(plan.restore)
-    if snapshot.homed and not tool_clear(snapshot, plan):
+    if not snapshot.homed:
+        return SessionError(*error.problems, Problem(code="machine.tool_unknown"))
+    if not tool_clear(snapshot, plan):
         # The tool may be in the part: say so, and whether the machine can take it out.
         code = "machine.tool_in_part" if snapshot.loops_closed else "machine.retract_not_possible"
         return SessionError(*error.problems, Problem(code=code))

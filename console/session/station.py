@@ -11,9 +11,10 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from console.session.alarms import Priority, acknowledged, cleared
+from console.session.alarms import OF_A_CUT, Priority, seen
 from console.session.alignment import observed
 from console.session.clearance import behind_face_mm, tool_in_part
 from console.session.collisions import COLLISION_CODES, collision_problems
@@ -22,16 +23,15 @@ from console.session.errors import SessionError
 from console.session.home_watch import watch_home
 from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
 from console.session.orders import ORDERS
-from console.session.progress import PHASE_LIMIT_DEG, RUNNING, CutStage
+from console.session.progress import RUNNING, CutStage
 from console.session.spindle import SpindleWatch
 from console.session.state import IDLE, MOVING, Activity, StationState, StopState
 from console.session.stop_way import watch_stop_way
+from console.session.watches import watch_axes, watch_devices, watch_guard, watch_loss
 from console.session.workplace import Workplace
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.link.base import GONE
 from drivers.ownership import Standing
-from drivers.pmac.heartbeat.arming import lost_problem
-from drivers.safety import device_problems
 from drivers.snapshot import Snapshot
 from drivers.stop import StoppedError
 from profiles.problem import Problem, ProblemError
@@ -72,7 +72,11 @@ class Station:
         """Take in a look at the machine, from whatever wait it was made in: the lathe calls this."""
         place, state = self._place, self._place.state
         alignment = observed(
-            state.alignment, drives_on=snapshot.loops_closed, homed=snapshot.homed, at=place.local_time()
+            state.alignment,
+            drives_on=snapshot.loops_closed,
+            homed=snapshot.homed,
+            at=place.local_time(),
+            chuck_open=not snapshot.inputs.get("chuck_closed", True),
         )
         place.tell(
             snapshot=snapshot,
@@ -83,13 +87,15 @@ class Station:
         )
         place.tell_standing()
         watch_home(place, state, snapshot)
-        self._watch_devices(state.snapshot, snapshot)
-        self._watch_guard()
+        watch_devices(place, state.snapshot, snapshot)
+        watch_guard(place)
         watch_stop_way(place)
         self._watch_stop(snapshot)
         if place.seen is not None:
             place.seen(snapshot)
             self._watch_phase()
+        else:
+            place.end_alarms(*OF_A_CUT)
         self._look_at_chuck()
         self._watch_screen()
 
@@ -122,7 +128,7 @@ class Station:
         """Take an order, from any thread; False where it is refused because the machine is busy."""
         place = self._place
         if isinstance(intent, Acknowledge):
-            place.tell(alarms=acknowledged(place.state.alarms))
+            place.change_alarms(partial(seen, shown=intent.shown))
             return True
         if isinstance(intent, Hold):
             return self._hold()
@@ -215,8 +221,7 @@ class Station:
 
     def _look(self) -> None:
         snapshot = self._place.lathe.snapshot()
-        self._watch_owner(snapshot)
-        self._watch_loss(snapshot)
+        watch_loss(self._place, snapshot)
         if self.state.controls and self._place.lathe.stop.hands_in and not snapshot.loops_open:
             # It was not us: somebody else, or a PLC of the card. The stop is a control-K then.
             raise DriverError(Problem(code="machine.energised"))
@@ -229,10 +234,8 @@ class Station:
         if faults and not snapshot.loops_open and self.state.controls:
             self._place.lathe.stop.stop(faults[0])
             raise DriverError(problem)
-        if faults and not any(alarm.problem == problem for alarm in self._place.state.alarms):
-            self._place.alarm(problem)  # drives are off: it is told, and switching on is what clears it
-        if not faults:
-            self._place.tell(alarms=cleared(self._place.state.alarms, "machine.fault", "link.silent"))
+        place.end_alarms("link.silent")
+        watch_axes(place, snapshot)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do something with the machine; whatever goes wrong, it is told, and the machine is stopped for it."""
@@ -363,7 +366,7 @@ class Station:
         )
         taken = None if rest.taken_s is None else rest.taken_s - rest.sent_s
         self._note("stopped", reason=told.reason, proven=True, taken_after_s=taken)
-        self._tell_faults(snapshot)
+        watch_axes(place, snapshot)
         place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
     def _guarded_look(self) -> None:
@@ -376,7 +379,7 @@ class Station:
                 place.alarm(problem, Priority.HIGH)
             place.tell(activity=Activity.LOST)
         else:
-            self._tell_faults(snapshot)
+            watch_axes(place, snapshot)
             place.tell(activity=Activity.STOPPED)
 
     def _note(self, kind: str, **data: object) -> None:
@@ -394,21 +397,23 @@ class Station:
             return
         self._sight_s = now_s
         try:
-            seen = place.shop.look()
+            view = place.shop.look()
         except LinkError as error:
             # Eyes on the chuck are no part of the machine: it is told, and nothing else depends on it.
             place.tell(seen=None)
-            place.alarm(error.problems[0], Priority.MEDIUM)
+            if not self._told(error.problems[0].code):
+                place.alarm(error.problems[0], Priority.MEDIUM)
         else:
-            place.tell(seen=seen)
-            self._tell_collisions(seen.collisions)
+            place.tell(seen=view)
+            place.end_alarms("simulator.gone", "simulator.refused")
+            self._tell_collisions(view.collisions)
 
     def _tell_collisions(self, met: tuple[str, ...]) -> None:
         """Raise an alarm for each collision once; a new blank has met nothing."""
         place, known = self._place, self._met
         self._met = met
         if known and not met:
-            place.tell(alarms=cleared(place.state.alarms, *COLLISION_CODES))
+            place.end_alarms(*COLLISION_CODES)
         fresh = [kind for kind in met if kind not in known]
         for kind, problem in zip(fresh, collision_problems(fresh), strict=True):
             place.alarm(problem)
@@ -422,50 +427,8 @@ class Station:
         if snapshot.obeys_stop(killed=self._place.lathe.stop.killed):
             self._place.tell(stop=replace(stop, taken_s=snapshot.at_s))
 
-    def _tell_faults(self, snapshot: Snapshot) -> None:
-        """Say of a stopped machine what is wrong with it besides, each thing once."""
-        self._watch_owner(snapshot)
-        faults = snapshot.axis_faults
-        problem = Problem(code="machine.fault", key="look", value=", ".join(faults))
-        if faults and not any(alarm.problem == problem for alarm in self._place.state.alarms):
-            self._place.alarm(problem)
-
-    def _watch_owner(self, snapshot: Snapshot) -> None:
-        """Say once that somebody else has taken the machine."""
-        place = self._place
-        if place.state.standing is Standing.OUSTED and not self._told("owner.ousted"):
-            place.tell(armed=None)
-            place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
-
-    def _watch_devices(self, before: Snapshot | None, snapshot: Snapshot) -> None:
-        """Say which safety device drops while drives are on: it ends what moves by itself, and no order goes out.
-
-        Where something moves, the wait for it stops the machine, and tells.
-        """
-        place, problems = self._place, device_problems(snapshot.inputs)
-        if snapshot.inputs and not problems:
-            place.tell(alarms=cleared(place.state.alarms, "safety.not_good"))
-        on = not snapshot.loops_open or (before is not None and not before.loops_open)
-        if not problems or not on or not self.state.controls or place.state.activity in MOVING:
-            return
-        place.tell(armed=None)
-        for problem in problems:
-            if not any(alarm.active and alarm.problem == problem for alarm in place.state.alarms):
-                place.alarm(problem)
-
-    def _watch_guard(self) -> None:
-        """Say once, while something moves, that the card would not end it any more."""
-        unguarded = self._place.lathe.unguarded
-        if unguarded is not None and not self._told(unguarded.code):
-            self._place.alarm(unguarded)
-
-    def _watch_loss(self, snapshot: Snapshot) -> None:
-        """Say once what the card has ended without its host; behind a stop that is settled with the stop."""
-        if snapshot.lost and not self._told("heartbeat.lost"):
-            self._place.alarm(lost_problem(snapshot.lost))
-
     def _told(self, code: str) -> bool:
-        return any(alarm.problem.code == code for alarm in self._place.state.alarms)
+        return self._place.alarmed(code)
 
     def _watch_phase(self) -> None:
         """Say once for each cut that tool and lobe are not in phase, or that the spindle stands."""
@@ -473,7 +436,7 @@ class Station:
         if cut is None or cut.stage is not CutStage.CUT:
             return
         if cut.in_phase is False and not self._told("cut.out_of_phase"):
-            problem = Problem(code="cut.out_of_phase", limit=f"± {PHASE_LIMIT_DEG:g} deg")
+            problem = Problem(code="cut.out_of_phase", limit=f"± {cut.phase_limit_deg:.2g} deg")
             self._place.alarm(problem, Priority.MEDIUM)
         elif cut.is_lost and cut.in_phase is not False and not self._told("cut.spindle_stands"):
             self._place.alarm(Problem(code="cut.spindle_stands"))

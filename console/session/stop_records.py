@@ -1,14 +1,16 @@
 """The stop record of a machine: kept in the data folder, and asked for before each arm. No record, no arm.
 
 A simulated machine measures its own at once, on a copy of itself in simulated time; it is never written down, so
-that it is not taken for that of a machine of iron.
+that it is not taken for that of a real machine. What is written down has a checksum: a file that was changed or is
+damaged is no record any more.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -24,14 +26,19 @@ from drivers.pmac.configuration.proofs.bench import ProofBench
 from drivers.pmac.configuration.verification import read_of_machine
 from drivers.pmac.dialect import Dialect
 from drivers.stop import StopPath, way_problems
-from drivers.stop_record import StopEntry, StopRecord, needed_stops, record_problems, stop_key
+from drivers.stop_record import StopEntry, StopRecord, stop_key
+from drivers.stop_record_check import StopsNow, record_problems
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile
 from profiles.own_values import record, text
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "stops"
-SCHEMA = 2
+SCHEMA = 3
+WITHOUT_CHECKSUM = (1, 2)
+"""Schemas of before: nobody can tell whether such a file is as it was written."""
+
+CHECKSUM = "sha256"
 CAP_BYTES = 1_000_000
 
 _measured: dict[tuple[str, str], StopRecord] = {}
@@ -52,9 +59,15 @@ def store(data: Path, machine: MachineProfile, record: StopRecord) -> Path:
     path = record_path(data, machine)
     values = {"schema": SCHEMA, **asdict(record), "measured_at": record.measured_at.isoformat()}
     make_folder(path.parent)
-    text = json.dumps(values, ensure_ascii=False, indent=1)
-    write_atomically(path, f"{text}\n".encode(), overwrite=True, private=True)
+    write_atomically(path, with_checksum(values), overwrite=True, private=True)
     return path
+
+
+def with_checksum(values: Mapping[str, object]) -> bytes:
+    """Return a file of these values that tells when a single character of it is not as it was written."""
+    text = json.dumps({**values, CHECKSUM: ""}, ensure_ascii=False, indent=1) + "\n"
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return text.replace(f'"{CHECKSUM}": ""', f'"{CHECKSUM}": "{digest}"').encode()
 
 
 def withdraw(data: Path, machine: MachineProfile) -> None:
@@ -75,7 +88,8 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
     """Return the record of a machine, None when there is none.
 
     Raises:
-        ProfileError: `stops.unreadable`, it is no record; `file.unreadable`, it cannot be opened.
+        ProfileError: `stops.unreadable`, it is no record; `stops.changed`, not as it was written;
+            `stops.old_schema`, `stops.unknown_schema`; `file.unreadable`, it cannot be opened.
     """
     path = record_path(data, machine)
     if not path.exists():
@@ -83,17 +97,15 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
     content = read_regular_file(path, cap_bytes=CAP_BYTES)
     try:
         values = json.loads(content)
-        if values.pop("schema") != SCHEMA:
-            raise ValueError("schema")
-        return StopRecord(
-            measured_at=date.fromisoformat(values.pop("measured_at")),
-            stop_way=StopWay(values.pop("stop_way")),
-            entries=tuple(_entry(each) for each in values.pop("entries")),
-            **{name: text(value) for name, value in values.items()},
-        )
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        where = printable(str(path))
-        raise ProfileError(Problem(code="stops.unreadable", where=where, value=printable(str(error)))) from error
+        schema, checksum = values.pop("schema"), values.pop(CHECKSUM, "")
+        if refusal := _schema_problem(schema, machine):
+            raise ProfileError(replace(refusal, where=printable(str(path))))
+        if checksum != hashlib.sha256(content.replace(checksum.encode(), b"")).hexdigest():
+            raise ProfileError(Problem(code="stops.changed", where=printable(str(path)), key=machine.name))
+        return _record(values)
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+        where, value = printable(str(path)), printable(str(error))
+        raise ProfileError(Problem(code="stops.unreadable", where=where, key=machine.name, value=value)) from error
 
 
 def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
@@ -124,7 +136,7 @@ def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> St
 
 
 def stop_record_problems(
-    client: PmacClient, machine: MachineProfile, dialect: Dialect, data: Path | None, simulated: bool, now: date
+    client: PmacClient, machine: MachineProfile, dialect: Dialect, data: Path | None, simulated: bool, today: date
 ) -> tuple[Problem, ...]:
     """Return why the machine may not be armed by its stop record. `data` is the data folder, None: there is none.
 
@@ -133,13 +145,14 @@ def stop_record_problems(
     Raises:
         DriverError: the link broke, or the card answers something that is not asked for.
     """
-    key = stop_key(client, machine, dialect)
+    key, link = stop_key(client, machine, dialect), client.link
     try:
-        record = _simulated(machine, dialect, now) if simulated else data and load(data, machine)
+        record = _simulated(machine, dialect, today) if simulated else data and load(data, machine)
     except ProfileError as error:
         return tuple(error.problems)
-    stop_way = client.link.stop_way
-    return (*way_problems(stop_way), *record_problems(record or None, now, key, needed_stops(machine), stop_way))
+    address = None if simulated else link.address
+    now = StopsNow(machine=machine, key=key, today=today, stop_way=link.stop_way, address=address)
+    return (*way_problems(now.stop_way), *record_problems(record or None, now))
 
 
 def _simulated(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
@@ -147,6 +160,29 @@ def _simulated(machine: MachineProfile, dialect: Dialect, now: date) -> StopReco
     if of not in _measured:
         _measured[of] = simulated_record(machine, dialect, now)
     return _measured[of]
+
+
+def _schema_problem(schema: object, machine: MachineProfile) -> Problem | None:
+    if schema in WITHOUT_CHECKSUM:
+        return Problem(code="stops.old_schema", key=machine.name, value=str(schema), limit=str(SCHEMA))
+    if type(schema) is not int or schema != SCHEMA:
+        value = printable(str(schema), 60)
+        return Problem(code="stops.unknown_schema", key=machine.name, value=value, limit=str(SCHEMA))
+    return None
+
+
+def _record(values: dict[str, Any]) -> StopRecord:
+    """Return the record of a file.
+
+    Raises:
+        ValueError, TypeError, KeyError, AttributeError, OverflowError: it is none.
+    """
+    return StopRecord(
+        measured_at=date.fromisoformat(values.pop("measured_at")),
+        stop_way=StopWay(values.pop("stop_way")),
+        entries=tuple(_entry(each) for each in values.pop("entries")),
+        **{name: text(value) for name, value in values.items()},
+    )
 
 
 def _entry(table: Mapping[str, Any]) -> StopEntry:

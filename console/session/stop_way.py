@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from console.session.alarms import cleared
 from console.session.workplace import Workplace
 from drivers.stop import way_problems
 
@@ -11,7 +10,7 @@ def watch_stop_way(place: Workplace) -> None:
     """Say once that the connection for stops is lost: every stop still goes, but another cut is not begun."""
     problems = way_problems(place.lathe.stop.way)
     if not problems:
-        place.tell(alarms=cleared(place.state.alarms, "stops.connection_lost"))
+        place.end_alarms("stops.connection_lost")
         return
     place.tell(armed=None)
     for problem in problems:

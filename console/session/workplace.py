@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from console.session.alarms import Priority, raised
-from console.session.alignment import aligned_machine
+from console.session.alarms import Alarms, Priority, cleared, raised
+from console.session.alignment import Alignment, aligned_machine, mounted_on
 from console.session.commissioned import Commissioned
 from console.session.owning import Owning
 from console.session.records import RunRecord
@@ -78,8 +78,12 @@ class Workplace:
         self.limits_seen: frozenset[str] = frozenset()
         self.hold_asked = False
         self._lock = threading.Lock()
-        name = machine.machine.name
-        self._state = StationState(simulated=shop is not None, machine=name, standing=Standing.OBSERVER)
+        self._state = StationState(
+            simulated=shop is not None,
+            machine=machine.machine.name,
+            standing=Standing.OBSERVER,
+            alignment=Alignment(on=mounted_on(machine.machine)),
+        )
 
     @property
     def state(self) -> StationState:
@@ -109,6 +113,19 @@ class Workplace:
         with self._lock:
             alarms = raised(self._state.alarms, problem, priority, self.clock.now_s())
             self._state = replace(self._state, alarms=alarms)
+
+    def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
+        """Publish what becomes of the alarms; none that another thread raises meanwhile is lost."""
+        with self._lock:
+            self._state = replace(self._state, alarms=change(self._state.alarms))
+
+    def end_alarms(self, *codes: str) -> None:
+        """The cause of these alarms is gone."""
+        self.change_alarms(lambda alarms: cleared(alarms, *codes))
+
+    def alarmed(self, code: str) -> bool:
+        """Whether an alarm of this code stands."""
+        return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
 
     def note(self, kind: str, **data: object) -> None:
         """Add an event to the record of the cut that is going on, if there is one.

@@ -444,9 +444,14 @@ class ConsoleApp(App[None]):
             desk.control.post(TakeOver())
 
     def _post_acknowledge(self) -> None:
+        """The operator has seen what is shown: the alarm in the row, or all of them in the list of messages."""
+        from console.session.alarms import foremost
         from console.session.intents import Acknowledge
 
-        self.desk.control.post(Acknowledge())
+        alarms = self.desk.control.state.alarms
+        front = foremost(alarms)
+        listed = alarms if self._listed == MESSAGES or front is None else (front,)
+        self.desk.control.post(Acknowledge(shown=tuple(alarm.problem for alarm in listed)))
 
     def _safely(self, work: Callable[[], None]) -> None:
         """Do what one page does. Its faults are its own: the rows, the stop and the machine go on without it."""

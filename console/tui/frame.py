@@ -11,7 +11,7 @@ from datetime import datetime
 
 from rich.cells import cell_len
 
-from console.session.alarms import Alarm, Priority, foremost
+from console.session.alarms import Alarm, Priority, foremost, unseen
 from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
@@ -84,19 +84,26 @@ def _age(frame: Frame) -> Line:
 
 
 def alarm_row(frame: Frame, width: int) -> list[Line]:
-    """The alarm that wants attention most, with how many there are; else the answer to the last key."""
+    """The alarm that wants attention most, with how many nobody has seen; else the answer to the last key."""
     text, alarms = frame.text, frame.state.alarms
-    unseen = unseen_alarm(frame.state)
-    if unseen is not None:
-        count = f"{text('frame.acknowledge', count=len(alarms))} {_all_key(text, len(alarms))}"
-        return _alarm(text, unseen, count, Token.ALARM, width)
+    waiting, front = unseen(alarms), foremost(alarms)
+    if waiting and front is not None:
+        count = f"{text('frame.acknowledge', count=len(waiting))} {_all_key(text, len(alarms))}"
+        return _alarm(text, front, count, Token.ALARM, width)
     if answer_of(frame):
         return _answer(frame, width)
-    seen = foremost(alarms)
-    if seen is not None:
+    if front is not None:
         count = f"({len(alarms)}) {_all_key(text, len(alarms))}" if len(alarms) > 1 else ""
-        return _alarm(text, seen, count, Token.WARNING, width)
-    return [line(dim(f" · {text('frame.no_alarms')}"))]
+        return _alarm(text, front, count, Token.WARNING, width)
+    return [line(dim(f" · {text(_quiet(frame.state))}"))]
+
+
+def _quiet(state: StationState) -> str:
+    """Return what is said where there is no alarm: of what is not polled nobody knows that it is well."""
+    if state.snapshot is None:
+        return "frame.alarms_unknown"
+    axes = state.snapshot.driven_axes
+    return "frame.no_alarms" if all("amplifier_enabled" in axis.flags for axis in axes) else "frame.no_alarms_off"
 
 
 def answer_of(frame: Frame) -> tuple[Problem, ...]:
@@ -106,8 +113,7 @@ def answer_of(frame: Frame) -> tuple[Problem, ...]:
 
 def unseen_alarm(state: StationState) -> Alarm | None:
     """Return the foremost alarm, where nobody has seen it yet."""
-    alarm = foremost(state.alarms)
-    return None if alarm is None or alarm.acknowledged else alarm
+    return foremost(unseen(state.alarms))
 
 
 def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) -> list[Line]:
@@ -152,7 +158,7 @@ def next_row(frame: Frame, width: int) -> list[Line]:
         step = line((text("frame.observer"), Token.ACTION))
     elif state.stop is not None:
         key = "frame.recover" if state.stop.rest_s is not None else "frame.stopping"
-        step = line((text(key, reason=_reason(text, state.stop.reason)), Token.ACTION))
+        step = line((text(key, reason=text.reason(state.stop.reason)), Token.ACTION))
     token = step[0][1] if step else Token.TEXT
     return hanging((" ▶ ", Token.ACTION), plain([step]), width, token)
 
@@ -237,12 +243,3 @@ def frame_rows(frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
         rows[name] = lines[-1 - spare :] if name == "stop" else clipped(lines, 1 + spare, frame.text("panel.more"))
         spare -= len(rows[name]) - 1
     return rows
-
-
-def _reason(text: Catalogue, reason: str) -> str:
-    """A key is named as it is written, anything else as it is."""
-    known = ("space", "escape", "f9", "f12", "unbound", "unreadable", "paste", "page", "screen")
-    kind, _, key = reason.partition(" ")
-    if kind in ("unbound", "change", "page") and key:
-        return text(f"stop_reason.{kind}_key", key=key)
-    return text(f"stop_reason.{reason}") if reason in known else reason

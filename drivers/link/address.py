@@ -91,6 +91,11 @@ WiredAddress = TcpAddress | EthernetAddress | SerialAddress
 LinkAddress = WiredAddress | SimulatedAddress
 
 
+def without_options(address: str) -> str:
+    """Return where an address leads, without what reserves a connection for stops there."""
+    return address.removesuffix(_RESERVED)
+
+
 def parse_address(text: str) -> LinkAddress:
     """Read a link address.
 

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from console.session.alignment import (
     Alignment,
     AlignStep,
-    Clamping,
     JawAngle,
     TouchOff,
     aligned_job,
     aligned_machine,
+    clamped,
+    clamping_of,
     current_step,
+    handed_over,
+    jaw_found,
     observed,
     problems,
+    step_problems,
     unclamped,
 )
 from profiles.problem import Problem
@@ -27,9 +32,9 @@ COMPLETE = Alignment(
     settings=(),
     drives_on=True,
     homed=True,
-    clamping=Clamping(force_n=1314.0, diameter_mm=52.0, overhang_mm=30.0, at="08:40"),
-    jaw=JawAngle(angle_deg=41.36, at="08:45"),
-    touch_off=TouchOff(zero_radius_mm=75.837, at="08:47"),
+    clamping=clamping_of(JOB, at="08:40"),
+    jaw=JawAngle(angle_deg=41.36, jaws=3, at="08:45"),
+    touch_off=TouchOff(zero_radius_mm=75.837, diameter_mm=52.0, at="08:47"),
 )
 
 
@@ -68,12 +73,86 @@ def test_another_force_than_the_one_that_was_clamped_is_named() -> None:
 
 def test_a_force_that_the_error_was_not_found_at_is_named() -> None:
     job = replace(JOB, chucking_force_n=1400.0)
-    clamped = replace(COMPLETE, clamping=Clamping(force_n=1400.0, diameter_mm=52.0, overhang_mm=30.0, at="08:40"))
-    assert codes(clamped, job) == ["rule.force_differs"]
+    harder = replace(COMPLETE, clamping=clamping_of(job, at="08:40"))
+    assert codes(harder, job) == ["rule.force_differs"]
 
 
-def test_another_part_than_the_one_that_was_clamped_is_named() -> None:
-    assert codes(COMPLETE, replace(JOB, diameter_mm=50.0)) == ["alignment.clamped_otherwise"]
+OTHER_BLANKS = {"jaws": 2, "material": "S45C", "diameter_mm": 60.0, "wall_thickness_mm": 3.0, "overhang_mm": 25.0}
+
+
+@pytest.mark.parametrize("key", OTHER_BLANKS)
+def test_another_part_than_the_one_that_was_clamped_is_named(key: str) -> None:
+    changed: dict[str, Any] = {key: OTHER_BLANKS[key]}
+    found = step_problems(COMPLETE, AlignStep.CLAMP, replace(JOB, **changed))
+    assert [(problem.code, problem.key) for problem in found] == [("alignment.clamped_otherwise", key)]
+
+
+TWO_JAWS = replace(JOB, jaws=2)
+LARGER = replace(JOB, diameter_mm=60.0)
+
+
+def test_jaw_1_holds_for_the_jaws_that_it_was_found_with() -> None:
+    (problem,) = step_problems(COMPLETE, AlignStep.JAW, TWO_JAWS)
+    assert (problem.code, problem.value, problem.limit) == ("alignment.jaw_of_others", "3", "2")
+    assert step_problems(COMPLETE, AlignStep.JAW, LARGER) == ()
+    assert aligned_job(TWO_JAWS, COMPLETE).lobe_phase_deg == JOB.lobe_phase_deg
+
+
+def test_the_touch_off_holds_for_the_diameter_that_it_was_taken_on() -> None:
+    (problem,) = step_problems(COMPLETE, AlignStep.TOUCH_OFF, LARGER)
+    assert (problem.code, problem.value) == ("alignment.touched_otherwise", "D 52.000 mm")
+    assert problem.limit == "D 60.000 mm"
+    assert step_problems(COMPLETE, AlignStep.TOUCH_OFF, TWO_JAWS) == ()
+    # Where the tip is does not change with what is clamped.
+    machine = load_machine("lee-2001-lathe").machine
+    larger = clamped(COMPLETE, LARGER, "09:00")
+    assert aligned_machine(machine, larger).tool.home_radius_mm == 75.837
+
+
+@pytest.mark.parametrize(
+    ("other", "steps"),
+    [
+        ({"machine": "its sister"}, [AlignStep.JAW, AlignStep.TOUCH_OFF]),
+        ({"chuck": "soft jaws"}, [AlignStep.JAW]),
+        ({"tool": "insert 2"}, [AlignStep.TOUCH_OFF]),
+    ],
+)
+def test_another_chuck_tool_or_machine_takes_what_rests_on_it(
+    other: dict[str, str], steps: list[AlignStep]
+) -> None:
+    now = replace(COMPLETE, on=replace(COMPLETE.on, **other))
+    found = {step: [problem.code for problem in step_problems(now, step, JOB)] for step in AlignStep}
+    assert {step: codes for step, codes in found.items() if codes} == {
+        step: ["alignment.mounted_otherwise"] for step in steps
+    }
+
+
+def test_clamping_in_other_jaws_takes_jaw_1_for_good() -> None:
+    """Another number of jaws is another mounting: with the first jaws back, jaw 1 is somewhere else."""
+    there = clamped(COMPLETE, TWO_JAWS, "09:00")
+    assert step_problems(there, AlignStep.CLAMP, TWO_JAWS) == ()
+    back = clamped(there, JOB, "09:30")
+    assert codes(back) == ["alignment.jaws_changed", "alignment.no_jaw"]
+    assert next(problem.value for problem in step_problems(back, AlignStep.JAW, JOB)) == "09:00"
+    found = jaw_found(back, 12.0, 3, "09:40")
+    assert codes(found) == []
+    assert codes(replace(found, jaw=None)) == ["alignment.no_jaw"]
+
+
+def test_the_next_blank_of_the_same_job_keeps_jaw_1_and_the_touch_off() -> None:
+    assert codes(clamped(unclamped(COMPLETE, "09:20"), JOB, "09:25")) == []
+
+
+def test_an_open_chuck_that_the_controller_sees_holds_no_blank() -> None:
+    after = observed(COMPLETE, drives_on=True, homed=True, at="09:20", chuck_open=True)
+    assert codes(after) == ["alignment.unclamped", "alignment.no_clamping"]
+    assert after.jaw is not None and after.touch_off is not None
+
+
+def test_behind_another_console_nothing_is_aligned() -> None:
+    after = handed_over(COMPLETE, "09:20")
+    assert (after.clamping, after.jaw, after.touch_off) == (None, None, None)
+    assert codes(after)[:2] == ["alignment.handed_over", "alignment.no_clamping"]
 
 
 def test_lost_zeros_take_jaw_and_touch_off_with_them_and_say_when() -> None:

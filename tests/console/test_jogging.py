@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from console.session.alignment import Alignment, Clamping, TouchOff
+from console.session.alignment import Alignment, TouchOff, clamping_of
 from console.session.jogging import (
     STEPS_DEG,
     STEPS_MM,
@@ -22,7 +22,7 @@ from drivers.pmac.trajectory.jog import JogSettings, jog_to
 from drivers.pmac.trajectory.pieces import Piece, position_at, velocity_at
 from drivers.snapshot import AxisName, AxisState, Snapshot
 from profiles.machine import MachineProfile
-from profiles.store import load_machine
+from profiles.store import load_job, load_machine
 
 COUNTS_PER_UNIT = {AxisName.TOOL: 5000.0, AxisName.SPINDLE: 10000.0 / 360.0, AxisName.CARRIAGE: 1000.0}
 MOTORS = {AxisName.TOOL: 1, AxisName.SPINDLE: 2, AxisName.CARRIAGE: 3}
@@ -137,9 +137,11 @@ def test_the_gap_is_known_by_the_touch_off_on_the_clamped_part(machine: MachineP
         program_running=False,
         runtime_error=False,
     )
-    clamped = Alignment(clamping=Clamping(force_n=1314.0, diameter_mm=51.0, overhang_mm=30.0, at="08:40"))
+    clamped = Alignment(
+        clamping=replace(clamping_of(load_job("lee-2001-experiment-1").job, at="08:40"), diameter_mm=51.0)
+    )
     assert longest_toward_mm(look, machine, clamped) == 1.0
-    touched = replace(clamped, touch_off=TouchOff(zero_radius_mm=77.5, at="08:45"))
+    touched = replace(clamped, touch_off=TouchOff(zero_radius_mm=77.5, diameter_mm=52.0, at="08:45"))
     # R 27.5 mm before a part of R 25.5 mm.
     assert longest_toward_mm(look, machine, touched) == pytest.approx(2.0)
     assert longest_toward_mm(look, machine, replace(touched, clamping=None)) == 1.0
@@ -153,5 +155,5 @@ def test_half_a_micrometre_does_not_make_a_step_too_long() -> None:
 
 def test_the_tool_radius_is_that_of_the_touch_off(machine: MachineProfile) -> None:
     assert tool_radius_mm(250_000.0, machine, Alignment()) == pytest.approx(26.0)
-    touched = Alignment(touch_off=TouchOff(zero_radius_mm=76.1, at="08:45"))
+    touched = Alignment(touch_off=TouchOff(zero_radius_mm=76.1, diameter_mm=52.0, at="08:45"))
     assert tool_radius_mm(250_000.0, machine, touched) == pytest.approx(26.1)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from console.session.alignment import JawAngle, TouchOff, clamping_of, problems
 from console.session.intents import (
     Approach,
     Arm,
@@ -223,6 +225,30 @@ def test_at_rest_the_machine_is_taken_over_and_aligned_anew(
     observer.do(SwitchOn())
     in_a_jog(observer, lambda: None)
     assert observer.refusals == [] and observer.alarms == []
+
+
+def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, observer: WithStation) -> None:
+    """The other one may have changed anything meanwhile: part, jaws, tool."""
+    on = ready.state.alignment.on
+    ready.place.tell(
+        alignment=replace(
+            ready.state.alignment,
+            clamping=clamping_of(JOB, at="08:40"),
+            jaw=JawAngle(angle_deg=12.0, jaws=JOB.jaws, at="08:45", on=on),
+            touch_off=TouchOff(zero_radius_mm=76.0, diameter_mm=JOB.diameter_mm, at="08:46", on=on),
+        )
+    )
+    assert [problem.code for problem in problems(ready.look().alignment, JOB)] == []
+    observer.do(TakeOver())
+    ready.look()
+    ready.do(TakeOver())
+    found = [problem.code for problem in problems(ready.state.alignment, JOB)]
+    assert found == [
+        "alignment.handed_over",
+        "alignment.no_clamping",
+        "alignment.no_jaw",
+        "alignment.no_touch_off",
+    ]
 
 
 def test_in_motion_a_take_over_is_refused_and_nothing_is_written(

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.session.intents import Start
-from console.session.progress import CutProgress, CutStage, phase_error_deg
+from console.session.phase import phase_of
+from console.session.progress import CutProgress, CutStage
 from profiles.compensation import LobedPath
 from tests.console.floor import experiment_1, open_floor
 
@@ -23,15 +24,29 @@ def test_the_phase_error_is_how_far_the_tool_is_behind(lag_deg: float, gain: flo
     """A tool that makes the wanted sine `lag_deg` of the spindle later, looked at at any angles."""
     angle = np.random.default_rng(seed).uniform(0.0, 3600.0, 60)
     infeed = 100.0 + gain * 27.5 * np.cos(3.0 * np.radians(angle - lag_deg - 40.0))
-    found = phase_error_deg(np.stack([angle, infeed], axis=1), WANTED)
-    assert found == pytest.approx(lag_deg, abs=1e-6)
+    found = phase_of(np.stack([angle, infeed], axis=1), WANTED)
+    assert found is not None and found.error_deg == pytest.approx(lag_deg, abs=1e-6)
+    assert found.within_deg < 1e-6
+
+
+def test_a_phase_is_known_to_what_is_told_of_it() -> None:
+    """Noise of 1 um on the 60 looks at 27.5 um of amplitude: the 19 of 20 that two standard deviations make up."""
+    random = np.random.default_rng(5)
+    within = 0
+    for _ in range(400):
+        angle = random.uniform(0.0, 3600.0, 60)
+        infeed = 100.0 + 27.5 * np.cos(3.0 * np.radians(angle - 0.7 - 40.0)) + random.normal(0.0, 1.0, 60)
+        found = phase_of(np.stack([angle, infeed], axis=1), WANTED)
+        assert found is not None
+        within += abs(found.error_deg - 0.7) <= found.within_deg
+    assert 0.92 * 400 < within < 0.98 * 400
 
 
 def test_without_a_lobe_there_is_no_phase() -> None:
     looks = np.stack([np.linspace(0.0, 360.0, 60), np.full(60, 100.0)], axis=1)
-    assert phase_error_deg(looks, WANTED) is None
+    assert phase_of(looks, WANTED) is None
     flat = LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0)
-    assert phase_error_deg(looks, flat) is None
+    assert phase_of(looks, flat) is None
 
 
 def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Home, Jog, Recover, SwitchOff, SwitchOn
+from console.session.intents import Acknowledge, Home, Jog, Recover, SwitchOff, SwitchOn
 from console.session.state import Activity
 from drivers.snapshot import AxisName
 from tests.console.floor import Floor, open_floor
@@ -48,3 +48,47 @@ def test_a_limit_that_was_left_and_is_met_again_stops_again(standing: Floor) -> 
     assert standing.idle().stop is None
     standing.sim.faults.ask("limit", {"motor": "carriage", "direction": "positive"})
     assert standing.idle().stop is not None
+
+
+def told(floor: Floor) -> list[tuple[str, str, int, bool]]:
+    """The alarms: key, value, how often raised, whether acknowledged."""
+    return [(a.problem.key, a.problem.value, a.count, a.acknowledged) for a in floor.state.alarms]
+
+
+def test_a_limit_that_was_acknowledged_stays_so_until_it_is_left(standing: Floor) -> None:
+    """The way back from the stop makes no new alarm of it: the machine still stands on the switch."""
+    assert standing.station.post(Acknowledge())
+    known = [("look", "carriage: positive_limit", 1, True)]
+    assert told(standing) == known
+    standing.do(Recover())
+    for _ in range(3):
+        standing.idle()
+        assert told(standing) == known
+    standing.sim.faults.clear()
+    standing.do(OFF)
+    assert standing.idle().alarms == ()
+
+
+@pytest.mark.parametrize("axis", ["tool", "carriage"])
+def test_a_fault_of_an_amplifier_is_one_alarm_until_the_drives_are_on_again(tmp_path: Path, axis: str) -> None:
+    """It ends a jog: the motion, the stop and the look behind it tell of one and the same thing."""
+    floor = open_floor(tmp_path)
+    floor.do(SwitchOff())
+    floor.do(SwitchOn())
+    floor.do(Home())
+
+    def trip() -> None:
+        floor.sim.faults.ask("amplifier-fault", {"motor": axis})
+
+    floor.when(lambda look: "desired_velocity_zero" not in look.carriage.flags, trip)
+    floor.do(Jog(axis=AxisName.CARRIAGE, distance=10.0))
+    fault = f"{axis}: amplifier_fault"
+    floor.idle()
+    assert told(floor) == [("jog carriage", fault, 1, False)]
+    assert floor.station.post(Acknowledge())
+    floor.do(Recover())
+    floor.idle()
+    assert told(floor) == [("jog carriage", fault, 1, True)]
+    floor.sim.faults.clear()
+    floor.do(SwitchOn())
+    assert floor.idle().alarms == ()

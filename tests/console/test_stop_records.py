@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 from dataclasses import replace
 from datetime import date, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -17,13 +20,15 @@ from console.session.stop_records import (
     simulated_record,
     stop_record_problems,
     store,
+    with_checksum,
     withdraw,
 )
+from console.text.catalogue import load as load_words
 from drivers.link.base import StopWay
 from drivers.pmac.dialect import PMAC
 from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops
 from profiles.machine import MachineProfile
-from profiles.problem import ProfileError
+from profiles.problem import Problem, ProfileError
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, commissioned
 
@@ -104,7 +109,6 @@ def test_a_name_leads_to_a_file_in_the_folder(tmp_path: Path, name: str) -> None
     "change",
     [
         lambda values: values.clear(),
-        lambda values: values.update(schema=1),
         lambda values: values.update(stop_way="by post"),
         lambda values: values.pop("stop_way"),
         lambda values: values.update(measured_at="yesterday"),
@@ -116,6 +120,8 @@ def test_a_name_leads_to_a_file_in_the_folder(tmp_path: Path, name: str) -> None
         lambda values: values["entries"][0].update(time_s=float("inf")),
         lambda values: values["entries"][0].update(time_s=-0.1),
         lambda values: values.update(version=1.17),
+        lambda values: values["entries"][0].update(time_s=10**400),
+        lambda values: values.update(address=5),
         lambda values: values.update(more=1),
     ],
 )
@@ -126,8 +132,89 @@ def test_a_file_that_is_no_record_is_told_and_arms_nothing(
     values = json.loads(path.read_text(encoding="utf-8"))
     assert callable(change)
     change(values)
-    path.write_text(json.dumps(values), encoding="utf-8")
+    write(path, values)
     assert said(commissioned(MACHINE), tmp_path) == ["stops.unreadable"]
+
+
+def write(path: Path, values: dict[str, Any]) -> None:
+    """Write a file whose checksum is right, whatever is in it."""
+    values.pop("sha256", None)
+    path.write_bytes(with_checksum(values))
+
+
+def test_the_checksum_is_that_of_the_file_without_it(tmp_path: Path, simulated: StopRecord) -> None:
+    content = store(tmp_path, MACHINE, simulated).read_bytes()
+    digest = json.loads(content)["sha256"]
+    assert hashlib.sha256(content.replace(digest.encode(), b"")).hexdigest() == digest
+
+
+def test_a_record_with_a_right_checksum_is_judged_by_its_numbers(tmp_path: Path, simulated: StopRecord) -> None:
+    path = store(tmp_path, MACHINE, simulated)
+    values = json.loads(path.read_text(encoding="utf-8"))
+    write(path, values)
+    assert said(commissioned(MACHINE), tmp_path) == []
+    for entry in values["entries"]:
+        entry["time_s"] = 0
+    write(path, values)
+    assert said(commissioned(MACHINE), tmp_path) == ["stops.impossible"] * len(simulated.entries)
+
+
+@given(st.data())
+def test_one_flipped_digit_is_seen(
+    tmp_path_factory: pytest.TempPathFactory, simulated: StopRecord, data: st.DataObject
+) -> None:
+    folder = tmp_path_factory.mktemp("data")
+    path = store(folder, MACHINE, simulated)
+    text = path.read_text(encoding="utf-8")
+    places = [found.start() for found in re.finditer(r"\d", text)]
+    place = data.draw(st.sampled_from(places))
+    digit = str((int(text[place]) + data.draw(st.integers(1, 9))) % 10)
+    path.write_text(text[:place] + digit + text[place + 1 :], encoding="utf-8")
+    with pytest.raises(ProfileError) as refusal:
+        load(folder, MACHINE)
+    assert refusal.value.problems[0].code.startswith("stops.")
+
+
+@pytest.mark.parametrize(
+    ("schema", "code"),
+    [
+        (1, "stops.old_schema"),
+        (2, "stops.old_schema"),
+        (4, "stops.unknown_schema"),
+        (3.0, "stops.unknown_schema"),
+        ("3", "stops.unknown_schema"),
+        (None, "stops.unknown_schema"),
+    ],
+)
+def test_a_record_of_another_version_is_to_be_measured_again(
+    tmp_path: Path, simulated: StopRecord, schema: object, code: str
+) -> None:
+    path = store(tmp_path, MACHINE, simulated)
+    values = json.loads(path.read_text(encoding="utf-8"))
+    values["schema"] = schema
+    del values["sha256"]
+    path.write_text(json.dumps(values), encoding="utf-8")
+    (problem,) = stop_problems(tmp_path)
+    assert problem.code == code
+    for language in ("en", "ko"):
+        told = load_words(language).problem(problem)
+        assert "console doctor --machine lee-2001-lathe --prove" in told, told
+
+
+def stop_problems(data: Path) -> tuple[Problem, ...]:
+    card = commissioned(MACHINE)
+    return stop_record_problems(card.client, card.machine, card.dialect, data, False, TODAY)
+
+
+def test_the_record_of_another_machine_or_link_arms_nothing(tmp_path: Path, simulated: StopRecord) -> None:
+    sister = replace(MACHINE, name="its-sister")
+    measured = store(tmp_path, sister, replace(simulated, machine=sister.name))
+    measured.rename(record_path(tmp_path, MACHINE))
+    (problem,) = stop_problems(tmp_path)
+    assert (problem.code, problem.value, problem.limit) == ("stops.other_machine", "its-sister", MACHINE.name)
+    store(tmp_path, MACHINE, replace(simulated, address="ethernet:10.0.0.7"))
+    (problem,) = stop_problems(tmp_path)
+    assert (problem.code, problem.value, problem.limit) == ("stops.other_address", "ethernet:10.0.0.7", "memory")
 
 
 @given(content=st.binary(max_size=60))

@@ -15,7 +15,7 @@ from console.session.stop_records import load
 from drivers.link.base import StopWay
 from drivers.pmac.configuration.check import Outcome
 from drivers.pmac.configuration.proofs.proving import Proven
-from drivers.stop_record import StopEntry, needed_stops
+from drivers.stop_record import Origin, StopEntry, Way, needed_stops
 from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.drivers.commissioned import commissioned
@@ -77,7 +77,7 @@ def test_a_record_is_kept_with_the_way_of_its_stops_and_taken_away_with_a_lost_o
         kind=kind,
     )
     options = Namespace(data=str(tmp_path))
-    stops = tuple(StopEntry(way=how, origin=of, axis=axis, time_s=0.1) for how, of, axis in needed_stops(MACHINE))
+    stops = tuple(_stop(*each) for each in needed_stops(MACHINE))
     proven = Proven(checks=(), stops=stops)
     keep_stops(options, card, proven, TODAY)
     made.link.stop_way = way
@@ -91,3 +91,9 @@ def test_a_record_is_kept_with_the_way_of_its_stops_and_taken_away_with_a_lost_o
         StopWay.LOST: {"stop_connection": Outcome.FAILS, "stops_no_record": Outcome.WARNED},
     }
     assert told == wanted[way]
+
+
+def _stop(way: Way, origin: Origin, axis: str) -> StopEntry:
+    if axis == "spindle":
+        return StopEntry(way=way, origin=origin, axis=axis, time_s=0.1, distance_deg=30.0, speed_rpm=100.0)
+    return StopEntry(way=way, origin=origin, axis=axis, time_s=0.1, distance_mm=0.2, speed_mm_per_s=10.0)

@@ -118,6 +118,24 @@ def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
     assert not any(motor.enabled for motor in simulated.controller.motors.values())
 
 
+def test_a_stop_before_the_zeros_are_found_does_not_say_where_the_tool_stands(
+    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+) -> None:
+    opened, simulated = shop
+    original = simulated.wait
+
+    def wait(seconds: float) -> None:
+        if any(motor.enabled for motor in simulated.controller.motors.values()):
+            simulated.wait = original  # type: ignore[method-assign]
+            opened.lathe.stop.stop("operator")
+        original(seconds)
+
+    simulated.wait = wait  # type: ignore[method-assign]
+    with pytest.raises(SessionError) as stopped:
+        cut_part(opened, JOB, plan, lambda step, detail: None)
+    assert codes(stopped) == ["machine.stopped", "machine.tool_unknown"]
+
+
 def _settings(simulated: SimulatedLathe) -> dict[int, float]:
     return {index: simulated.controller.variables.i(index) for index in range(1024)}
 

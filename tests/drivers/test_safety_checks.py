@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from drivers.pmac.configuration.check import Check, Group, Outcome
+from drivers.safety import safety_problems
 from profiles.machine import SAFETY_DEVICES, MachineProfile, Safety
 from tests.drivers.commissioned import commissioned
 from tests.drivers.families import machine as machine  # both families
@@ -42,9 +43,14 @@ def test_what_is_wired_holds_and_what_is_signed_for_is_told_with_the_name(machin
     assert {check.outcome for name, check in found.items() if name != "guard"} == {Outcome.HOLDS}
 
 
-def test_what_is_not_fitted_needs_a_name(machine: MachineProfile) -> None:
-    (check,) = [c for c in devices(machine, replace(WIRED, guard="not fitted")) if c.subject == "guard"]
+@pytest.mark.parametrize("nobody", ["", "   ", "-", "\u3164", "2026-03-01"])
+def test_what_is_not_fitted_needs_a_name(machine: MachineProfile, nobody: str) -> None:
+    unsigned = replace(WIRED, guard="not fitted", signed_by=nobody)
+    (check,) = [c for c in devices(machine, unsigned) if c.subject == "guard"]
     assert (check.code, check.outcome) == ("device_unsigned", Outcome.FAILS)
+    (problem,) = safety_problems(replace(machine, safety=unsigned), {})
+    assert (problem.code, problem.key) == ("safety.not_signed", "safety.guard")
+    assert safety_problems(replace(machine, safety=replace(unsigned, signed_by="김 2026-03-01")), {}) == ()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from console.session.alignment import Clamping, JawAngle, TouchOff
+from console.session.alignment import JawAngle, TouchOff, clamping_of
 from console.session.intents import Arm, Home, Intent, Jog, Start, SwitchOff, SwitchOn
 from console.session.progress import CutStage
 from console.session.state import Activity
@@ -81,13 +81,12 @@ def _switch_on(rig: Rig) -> None:
         motor.home_zero()
     job, machine = short_job(), compact_machine().machine
     rig.station.step()
+    on = rig.state.alignment.on
     alignment = replace(
         rig.state.alignment,
-        clamping=Clamping(
-            force_n=job.chucking_force_n, diameter_mm=job.diameter_mm, overhang_mm=job.overhang_mm, at="-"
-        ),
-        jaw=JawAngle(angle_deg=90.0, at="-"),
-        touch_off=TouchOff(zero_radius_mm=machine.tool.home_radius_mm, at="-"),
+        clamping=clamping_of(job, at="-"),
+        jaw=JawAngle(angle_deg=90.0, jaws=job.jaws, at="-", on=on),
+        touch_off=TouchOff(zero_radius_mm=machine.tool.home_radius_mm, diameter_mm=job.diameter_mm, at="-", on=on),
     )
     rig.place.tell(alignment=alignment)
     assert rig.state.activity is Activity.READY and rig.state.refusals == () and rig.state.alarms == ()

@@ -43,3 +43,34 @@ def test_a_signature_says_what_was_signed_for(signed_for: str | None, code: str)
     (problem,) = refusal.value.problems
     assert (problem.code, problem.where, problem.key) == (code, "lathe.toml", "safety.signed_for")
     assert problem.limit == "machine | simulator"
+
+
+@pytest.mark.parametrize(
+    ("signed_by", "code"),
+    [
+        ("   ", "value.blank"),
+        ("\u3000", "value.not_text"),  # an ideographic space
+        ("\u3164", "value.blank"),  # a Hangul filler is a letter without ink
+        ("\x07", "value.not_text"),
+        ("Kim\r2026", "value.not_text"),
+        ("-", "safety.nobody_named"),
+        ("2026-03-01", "safety.nobody_named"),
+    ],
+)
+def test_blanks_marks_and_dates_are_nobodys_signature(signed_by: str, code: str) -> None:
+    with pytest.raises(ProfileError) as refusal:
+        machine_from_table(table(signed_by=signed_by, signed_for="machine"), where="lathe.toml")
+    (problem,) = refusal.value.problems
+    assert (problem.code, problem.where, problem.key) == (code, "lathe.toml", "safety.signed_by")
+
+
+@pytest.mark.parametrize(
+    ("section", "key"),
+    [("", "source"), ("", "link"), ("tool", "name"), ("chuck", "name"), ("safety", "signed_by")],
+)
+def test_a_text_of_blanks_is_refused_wherever_it_counts_as_somebodys_word(section: str, key: str) -> None:
+    read = table(signed_by="Kim, 2026-03-01", signed_for="machine")
+    read |= {section: read[section] | {key: "  "}} if section else {key: "  "}
+    with pytest.raises(ProfileError) as refusal:
+        machine_from_table(read)
+    assert [problem.code for problem in refusal.value.problems] == ["value.blank"]

@@ -6,13 +6,15 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
+from functools import cached_property
 from pathlib import Path
 
 import profiles.store
 from console.session.stop_records import simulated_record, store
 from drivers.pmac.dialect import DIALECTS
+from drivers.stop_record import StopRecord
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
@@ -40,9 +42,13 @@ class Order:
         words = ("run", str(self.job_file), "--machine", str(self.machine_file), "--data", str(self.data))
         return [sys.executable, "-m", "console", *words, "--link", address, "--strategy", "pvt", *more]
 
-    def prove_stops(self) -> None:
-        """Write the stop record of this machine, as `console doctor --prove` does."""
-        store(self.data, self.machine, simulated_record(self.machine, DIALECTS["pmac"], date.today()))
+    def prove_stops(self, address: str) -> None:
+        """Write the stop record of this machine, as `console doctor --prove` does over this link."""
+        store(self.data, self.machine, replace(self._stops, address=address))
+
+    @cached_property
+    def _stops(self) -> StopRecord:
+        return simulated_record(self.machine, DIALECTS["pmac"], date.today())
 
     @contextmanager
     def running(self, address: str) -> Iterator[subprocess.Popen[str]]:

@@ -77,15 +77,15 @@ class Site:
 
 @pytest.fixture(scope="module")
 def long_cut(tmp_path_factory: pytest.TempPathFactory) -> Order:
-    made = order(tmp_path_factory.mktemp("order"), CUT_MM)
-    made.prove_stops()
-    return made
+    return order(tmp_path_factory.mktemp("order"), CUT_MM)
 
 
 @pytest.fixture
 def site(long_cut: Order) -> Iterator[Site]:
-    with patient_card(SimulatedLathe(long_cut.machine)) as card, long_cut.running(card.console) as process:
-        yield Site(card=card, order=long_cut, process=process)
+    with patient_card(SimulatedLathe(long_cut.machine)) as card:
+        long_cut.prove_stops(card.console)
+        with long_cut.running(card.console) as process:
+            yield Site(card=card, order=long_cut, process=process)
 
 
 @contextmanager

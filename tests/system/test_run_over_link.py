@@ -67,8 +67,8 @@ def console(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_part_is_cut_and_the_machine_is_left_off_and_nobodys(made: Order) -> None:
-    made.prove_stops()
     with patient_card(SimulatedLathe(made.machine)) as card:
+        made.prove_stops(card.console)
         with made.running(card.console) as process:
             out, err = process.communicate(timeout=TIMEOUT_S)
         assert process.returncode == 0, err
@@ -93,7 +93,7 @@ def test_without_a_stop_record_nothing_is_moved(served: Served, made: Order) -> 
 
 
 def test_without_agreement_and_without_anybody_to_ask_nothing_is_moved(served: Served, made: Order) -> None:
-    made.prove_stops()
+    made.prove_stops(link_to(served))
     done = console(*made.command(link_to(served))[3:])
     assert (done.returncode, done.stdout) == (1, "")
     assert "--yes" in done.stderr.splitlines()[-1]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 import re
 from pathlib import Path
 
 import pytest
 
-from tests.trainee import Trainee, console
+from profiles.store import load_job
+from tests.trainee import FIRST_JOB, Trainee, console
 
 RONT = r"RONt\D*?(\d+\.\d+)\D+?(\d+\.\d+)"
+
+OTHER_JOB = "two-jaws-60"
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]
 
@@ -18,10 +23,13 @@ pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]
 def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
     language: str, columns: int, rows: int, tmp_path: Path
 ) -> None:
+    makes_a_job_for_another_chuck(tmp_path)
     with console(tmp_path, language, columns, rows) as terminal:
         trainee = Trainee(terminal, language)
         terminal.wait_for("SIM", 10.0)
         trainee.opens_the_first_job()
+        terminal.press("5", "f8")
+        trainee.sees("problem.machine.tool_unknown")
         trainee.aligns()
         trainee.starts_the_cut()
         trainee.sees("frame.sync.in_sync", 30.0)
@@ -37,9 +45,40 @@ def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
         terminal.wait_for(RONT)
         assert ront_after_um(terminal.text) < 1.0
         assert "SIM" in terminal.row(0)
+        terminal.press("4")
+        terminal.wait_for("✓ 5.*\n.*✓ 6", 5.0)
+        opens_the_other_job(trainee)
+        terminal.press("4")
+        terminal.wait_for("○ 5.*\n.*○ 6", 5.0)
         terminal.press("ctrl+q")
         assert terminal.wait_exit(15.0) == 0
         terminal.wait_alone(5.0)
+
+
+def makes_a_job_for_another_chuck(data: Path) -> None:
+    """Two jaws and 60 mm: neither jaw 1 nor the touch-off of experiment 1 is of it."""
+    text = load_job(FIRST_JOB).path.read_text(encoding="utf-8")
+    for line in ("jaws = 2", "diameter_mm = 60.0"):
+        text, found = re.subn(rf"(?m)^{line.split()[0]} = \S+", line, text)
+        assert found == 1
+    file = data / "jobs" / f"{OTHER_JOB}.toml"
+    file.parent.mkdir(parents=True)
+    file.write_text(text.replace(f'"{FIRST_JOB}"', f'"{OTHER_JOB}"'), encoding="utf-8")
+
+
+def opens_the_other_job(trainee: Trainee) -> None:
+    """Down the list to it, and Enter."""
+    terminal = trainee.terminal
+    terminal.press("1")
+    terminal.wait_for(OTHER_JOB, 5.0)
+    for _ in range(20):
+        if re.search(rf"▸ *{OTHER_JOB}", terminal.text):
+            break
+        before = terminal.text
+        terminal.press("down")
+        terminal.wait_for(functools.partial(operator.ne, before), 5.0)
+    terminal.press("enter")
+    terminal.wait_for(OTHER_JOB, 5.0)
 
 
 def ront_after_um(screen: str) -> float:

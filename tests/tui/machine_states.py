@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff
+from console.session.alignment import Alignment, JawAngle, TouchOff, clamping_of
 from drivers.snapshot import AxisState, Snapshot
+from profiles.store import load_job
 
 REST = frozenset({"desired_velocity_zero", "in_position"})
 ON = REST | {"amplifier_enabled", "home_complete"}
 
-CLAMPED = Clamping(force_n=1314.0, diameter_mm=52.0, overhang_mm=30.0, at="08:40")
-JAW = JawAngle(angle_deg=12.6, at="08:45")
+CLAMPED = clamping_of(load_job("lee-2001-experiment-1").job, at="08:40")
+JAW = JawAngle(angle_deg=12.6, jaws=3, at="08:45")
 
 
 def aligned(zero_radius_mm: float) -> Alignment:
     """Everything is done; the tip was found at this radius at position zero."""
-    touched = TouchOff(zero_radius_mm=zero_radius_mm, at="08:46")
+    touched = TouchOff(zero_radius_mm=zero_radius_mm, diameter_mm=52.0, at="08:46")
     return Alignment(settings=(), drives_on=True, homed=True, clamping=CLAMPED, jaw=JAW, touch_off=touched)
 
 

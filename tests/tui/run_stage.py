@@ -13,6 +13,7 @@ import numpy as np
 
 from console.session.alignment import Alignment
 from console.session.made_parts import MadeWith
+from console.session.phase import Phase
 from console.session.progress import CutProgress, CutStage
 from console.session.ripple import SpindleRipple
 from console.session.state import Activity, StationState, StopState, TouchedBlank
@@ -85,7 +86,8 @@ def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
         "tool_error_um": -0.6,
         "tool_error_peak_um": 1.4,
         "following_error_um": 12.3,
-        "phase_error_deg": 0.08,
+        "phase": Phase(error_deg=0.08, within_deg=0.05),
+        "phase_limit_deg": 1.39,
         "synchronisation": Synchronisation.IN_SYNC,
         "ripple": SpindleRipple(1.18, 0.57),
         "angles_deg": angles_deg,
@@ -117,7 +119,7 @@ STATES = {
     "cutting": cutting(),
     "nothing seen yet": cutting(
         stage=CutStage.POSITION,
-        phase_error_deg=None,
+        phase=None,
         synchronisation=None,
         ripple=None,
         angles_deg=np.empty(0),
@@ -125,15 +127,15 @@ STATES = {
     ),
     "done": state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True),
     "held": state(cut=cut(CutStage.HELD)),
-    "queued": cutting(stage=CutStage.RUN_UP, phase_error_deg=None, synchronisation=Synchronisation.QUEUED),
-    "waiting": cutting(stage=CutStage.RUN_UP, phase_error_deg=None, synchronisation=Synchronisation.WAITING),
-    "sync lost": cutting(phase_error_deg=-1.4, synchronisation=Synchronisation.LOST),
+    "queued": cutting(stage=CutStage.RUN_UP, phase=None, synchronisation=Synchronisation.QUEUED),
+    "waiting": cutting(stage=CutStage.RUN_UP, phase=None, synchronisation=Synchronisation.WAITING),
+    "sync lost": cutting(phase=Phase(error_deg=-1.7, within_deg=0.05), synchronisation=Synchronisation.LOST),
     "guarded": replace(cutting(), snapshot=replace(look(running=True), inputs=GUARDS)),
     "guards open": state(snapshot=replace(look(), inputs=dict.fromkeys(GUARDS, False))),
     "going to the start": state(
-        activity=Activity.POSITIONING, cut=cut(CutStage.POSITION, phase_error_deg=None, synchronisation=None)
+        activity=Activity.POSITIONING, cut=cut(CutStage.POSITION, phase=None, synchronisation=None)
     ),
-    "not judged": cutting(judged=False, phase_error_deg=None, synchronisation=None),
+    "not judged": cutting(judged=False, phase=None, synchronisation=None),
     "stopping": stopped(rest_s=None),
     "stop not delivered": stopped(rest_s=None, delivered=False),
     "stop on the way to the start": replace(stopped(tool_in_part=False, of_cut=False), cut=cut(CutStage.POSITION)),

@@ -15,11 +15,12 @@ import pytest
 from textual.pilot import Pilot
 
 from console.session import records
-from console.session.alignment import Alignment, Clamping, JawAngle, TouchOff, aligned_job
+from console.session.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
 from console.session.lessons import taught_by
 from console.session.made_parts import MadeWith
 from console.session.part_lesson import PartLesson
 from console.session.paths import jobs_folder
+from console.session.phase import Phase
 from console.session.preview import Preview, preview
 from console.session.progress import CutProgress, CutStage
 from console.session.ripple import SpindleRipple
@@ -51,9 +52,9 @@ MOST_TICKS = 20
 
 ON = frozenset({"amplifier_enabled", "home_complete"})
 REST = ON | {"desired_velocity_zero", "in_position"}
-CLAMPED = Clamping(force_n=1314.0, diameter_mm=52.0, overhang_mm=30.0, at="2 Jan 08:40")
-FOUND = JawAngle(angle_deg=12.63, at="2 Jan 08:45")
-TOUCHED = TouchOff(zero_radius_mm=76.013, at="2 Jan 08:46")
+CLAMPED = clamping_of(experiment().job, at="2 Jan 08:40")
+FOUND = JawAngle(angle_deg=12.63, jaws=3, at="2 Jan 08:45")
+TOUCHED = TouchOff(zero_radius_mm=76.013, diameter_mm=52.0, at="2 Jan 08:46")
 AT_JAW = Alignment(settings=(), drives_on=True, homed=True, clamping=CLAMPED)
 ALIGNED = replace(AT_JAW, jaw=FOUND, touch_off=TOUCHED)
 
@@ -149,7 +150,8 @@ def cut() -> CutProgress:
         tool_error_um=-0.587,
         tool_error_peak_um=1.423,
         following_error_um=12.34,
-        phase_error_deg=0.083,
+        phase=Phase(error_deg=0.083, within_deg=0.05),
+        phase_limit_deg=1.389,
         synchronisation=Synchronisation.IN_SYNC,
         ripple=SpindleRipple(1.183, 0.568),
         angles_deg=angles_deg,

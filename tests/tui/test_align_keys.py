@@ -333,7 +333,7 @@ def test_after_it_they_end_at_the_surface() -> None:
 
 def test_a_step_as_long_as_the_gap_that_is_shown_is_allowed() -> None:
     # 0.9998 mm before the surface is shown as 1.000.
-    near = replace(VALID, touch_off=TouchOff(zero_radius_mm=76.9998, at="08:46"))
+    near = replace(VALID, touch_off=TouchOff(zero_radius_mm=76.9998, diameter_mm=52.0, at="08:46"))
     page = shown(state(near), "align.enable", "align.larger", "align.larger", "align.in")
     assert page.orders == [Jog(axis=AxisName.TOOL, distance=1.0)]
     assert "≤ 1.000 mm" in page.text

@@ -12,6 +12,7 @@ from rich.cells import cell_len
 
 from console.session.alignment import Alignment
 from console.session.state import Activity, StationState, StopState
+from console.session.work import edited
 from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.pages.align import AlignPage
@@ -133,8 +134,25 @@ def test_steps_have_marks_and_the_present_one_says_how() -> None:
 def test_a_valid_alignment_names_what_it_rests_on() -> None:
     text = shown(state(VALID), size=(100, 30)).text
     assert "Alignment: valid" in text
-    for stamp in ("1314 N  08:40", "12.60 °  08:45", "R 76.500 mm  08:46"):
+    for stamp in ("1314 N  08:40", "12.60 °, 3 jaws  08:45", "R 76.500 mm, D 52  08:46"):
         assert stamp in text
+    narrow = shown(state(VALID)).text
+    for stamp in ("12.60 °  08:45", "3 jaws", "R 76.500 mm  08:46", "D 52 "):
+        assert stamp in narrow
+
+
+@pytest.mark.parametrize(
+    ("changes", "step"),
+    [({"jaws": "2"}, "○ 5 jaw 1"), ({"diameter_mm": "60"}, "○ 6 tool")],
+)
+def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: str) -> None:
+    """Experiment 1 was aligned; a job with other jaws or another diameter is opened."""
+    other = experiment()
+    for key, value in changes.items():
+        other = edited(other, key, value)
+    page = shown(state(VALID), work=other)
+    assert "Alignment: not valid" in page.text
+    assert "● 2 blank" in page.text and step in page.text
 
 
 def test_what_is_seen_is_told_as_simulated() -> None:

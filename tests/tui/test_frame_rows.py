@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from datetime import datetime
+from itertools import product
 
 import pytest
 
-from console.session.alarms import Priority, acknowledged, raised
+from console.session.alarms import Priority, acknowledged, raised, seen
 from console.session.collisions import collision_problems
 from console.session.state import Activity, StationState, StopState
 from console.session.synchronisation import Synchronisation
@@ -19,7 +21,8 @@ from console.tui.keymap import PageName, actions_of
 from console.tui.lines import line, plain, width_of
 from console.tui.theme import Token
 from drivers.simulator.plant.collision import CollisionKind
-from drivers.snapshot import AxisState, Snapshot
+from drivers.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
+from profiles.machine import SAFETY_DEVICES
 from profiles.problem import Problem
 from profiles.store import load_machine
 from tests.tui.run_stage import cutting
@@ -148,12 +151,78 @@ def test_the_help_names_every_key_and_fits_a_page(language: str) -> None:
 @pytest.mark.parametrize("width", [80, 160])
 @pytest.mark.parametrize("kind", CollisionKind)
 def test_what_the_tool_ran_into_is_said_in_full(kind: CollisionKind, width: int, language: str) -> None:
-    """As one of three alarms: what to press stands beside it."""
+    """Beside two that were seen: what to press stands next to it, and how many nobody has seen."""
     (problem,) = collision_problems((kind,))
     alarms = raised(ALARM.alarms, Problem(code="link.lost"), Priority.HIGH, 2.0)
     alarms = raised(acknowledged(alarms), problem, Priority.HIGH, 3.0)
     rows = alarm_row(frame(replace(READY, alarms=alarms), language), width)
     assert width_of(rows[0]) == width
-    count = f"{load(language)('frame.acknowledge', count=3)} {load(language)('frame.all')}"
+    count = f"{load(language)('frame.acknowledge', count=1)} {load(language)('frame.all')}"
     assert count in plain(rows[:1])
     assert plain(rows).replace(count, "").split() == f"!!! {load(language).problem(problem)}".split()
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_the_number_of_alarms_is_that_of_those_that_come_to_the_row(language: str) -> None:
+    """A fault that was seen, and still stands; another alarm that is new."""
+    alarms = raised(acknowledged(ALARM.alarms), Problem(code="link.lost"), Priority.HIGH, 2.0)
+    for count in (1, 0):
+        row = plain(alarm_row(frame(replace(READY, alarms=alarms), language), 80))
+        assert (load(language)("frame.acknowledge", count=count) in row) is (count > 0)
+        alarms = seen(alarms)
+    assert "!!!" in row, "what stands is still shown"
+
+
+DOING = ("look", "rest", "program", "home tool", "jog carriage", "arm", "identify")
+"""In what a fault is met, as the code has it."""
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_no_fault_shows_its_identifier(language: str) -> None:
+    for axis, flag, doing in product(AxisName, FAULT_FLAGS, DOING):
+        problem = Problem(code="machine.fault", key=doing, value=f"{axis}: {flag}")
+        alarms = raised((), problem, Priority.HIGH, 1.0)
+        row = plain(alarm_row(frame(replace(READY, alarms=alarms), language), 160))
+        assert "_" not in row and f"during {doing}:" not in row, row
+        if language == "ko":
+            assert not re.search(r"[a-z]{3}", row.partition("k ")[0]), row
+        elif (axis, flag) == (AxisName.TOOL, "amplifier_fault"):
+            assert "tool: amplifier fault" in row
+
+
+REASONS = (
+    *(f"{axis}: {flag}" for axis in AxisName for flag in FAULT_FLAGS),
+    *(f"{what} {axis}{after}" for what in ("home", "jog") for axis in AxisName for after in ("", ": 60 s")),
+    *(f"safety.{device}" for device in SAFETY_DEVICES),
+    *("program: 20 s", "fault", "machine.fault", "machine.timeout", "heartbeat.plc_silent", "link.silent"),
+    *("owner.ousted", "cut.out_of_phase", "record.lost", "session.fault"),
+)
+"""For what the machine is stopped, besides keys and signals."""
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_no_stop_shows_the_identifier_of_its_reason(language: str) -> None:
+    for reason in REASONS:
+        stopped = replace(STOPPED, stop=replace(STOPPED.stop, reason=reason))  # type: ignore[type-var]
+        row = plain(next_row(frame(stopped, language), 160))
+        said = load(language).problem(Problem(code="machine.stopped", value=reason))
+        for words in (row, said):
+            assert not re.search(r"\w_\w|[a-z]\.[a-z]", words), words
+        if language == "ko":
+            assert not re.search(r"[a-z]{2}", said), said
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_no_alarm_is_not_said_of_what_nobody_looks_at(language: str) -> None:
+    """A controller looks at limit switches and amplifiers only while the drives are on."""
+    text = load(language)
+
+    def row(flags: frozenset[str]) -> str:
+        axis = replace(AXIS, flags=flags)
+        look = replace(LOOK, tool=axis, spindle=axis, carriage=axis)
+        return plain(alarm_row(frame(replace(READY, snapshot=look), language), 80)).strip()
+
+    assert row(REST) == f"· {text('frame.no_alarms')}"
+    assert row(REST - {"amplifier_enabled"}) == f"· {text('frame.no_alarms_off')}"
+    unknown = plain(alarm_row(frame(replace(READY, snapshot=None), language), 80)).strip()
+    assert unknown == f"· {text('frame.alarms_unknown')}"

@@ -37,7 +37,7 @@ PART = taught(part(Strategy.CAM, AFTER))
 """One that was cut with `cam`, by the model."""
 
 MEASURED = StationState(activity=Activity.READY, measured=PART)
-JAW = Alignment(jaw=JawAngle(angle_deg=12.63, at="2 Jan 08:45"))
+JAW = Alignment(jaw=JawAngle(angle_deg=12.63, jaws=3, at="2 Jan 08:45"))
 
 
 FAILED = replace(MEASURED, measured=replace(PART, job=replace(PART.job, roundness_tolerance_um=2.0)))

@@ -82,9 +82,9 @@ def one_word(text: str) -> str:
 
 
 def alarmed(problem: Problem, *, acknowledged: bool = False) -> StationState:
-    """One alarm in front of eleven others that were seen."""
+    """One alarm in front of eleven others: nobody has seen any of them, or all were seen."""
     others = tuple(
-        Alarm(problem=Problem(code="link.lost"), priority=Priority.LOW, at_s=2.0 + n, acknowledged=True)
+        Alarm(problem=Problem(code="link.lost"), priority=Priority.LOW, at_s=2.0 + n, acknowledged=acknowledged)
         for n in range(ALARMS - 1)
     )
     return replace(

@@ -181,7 +181,7 @@ def test_the_plots_have_their_scale_and_keys() -> None:
 
 def test_jaw_1_is_said_to_be_found_when_the_alignment_found_it() -> None:
     work = previewed(lobe_phase_deg=47.5)
-    jaw = JawAngle(angle_deg=47.5, at="20 Nov 08:45")
+    jaw = JawAngle(angle_deg=47.5, jaws=3, at="20 Nov 08:45")
     text = shown(work, (100, 24), state=StationState(alignment=Alignment(jaw=jaw)))
     assert "jaw 1 at 47.5°" in text
     assert "(found 20 Nov" in text

@@ -249,7 +249,7 @@ def test_a_fault_is_told_and_the_next_job_is_answered(planner: Planner, monkeypa
 
 def test_jaw_1_found_by_the_alignment_turns_the_lobe_at_once(planner: Planner) -> None:
     previewer, work = Previewer(), short()
-    turned = previewer.refreshed(work, Alignment(jaw=JawAngle(angle_deg=12.0, at="2 Jan 08:45")))
+    turned = previewer.refreshed(work, Alignment(jaw=JawAngle(angle_deg=12.0, jaws=3, at="2 Jan 08:45")))
     assert turned.outlook is not None
     assert turned.outlook.job.jaw_1_deg == pytest.approx(12.0)
 

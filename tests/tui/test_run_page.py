@@ -10,7 +10,8 @@ from rich.cells import cell_len
 
 from console.session.alignment import JawAngle
 from console.session.intents import Arm, Disarm, Hold, Start
-from console.session.progress import PHASE_LIMIT_DEG, CutStage
+from console.session.phase import Phase
+from console.session.progress import CutStage
 from console.session.ripple import SpindleRipple
 from console.session.state import Activity, Armed, StationState
 from console.session.work import edited, with_strategy
@@ -149,13 +150,22 @@ def test_the_cut_shows_its_values_with_units() -> None:
     # 3 lobes at 1000.3 rpm; the tool stands 0.6 um less deep than wanted, so wanted is the smaller radius.
     for value in ("1000 rpm", "50.0 Hz", "R 25.9271 mm", "R 25.9265 mm", "-0.60 um", "1.40 um", "+0.08 °"):
         assert value in page.text
-    assert f"± {PHASE_LIMIT_DEG:.2f}°" in page.text
+    assert "± 1.39°" in page.text
     assert "CUTTING" in page.text
 
 
 def test_out_of_phase_is_a_word() -> None:
-    assert "OUT -1.40 °" in shown(cutting(phase_error_deg=-1.4)).text
+    assert "OUT -1.50 °" in shown(cutting(phase=Phase(error_deg=-1.5, within_deg=0.05))).text
     assert "OUT" not in shown(cutting()).text
+    assert "OUT" not in shown(cutting(phase=Phase(error_deg=-1.5, within_deg=0.05), phase_limit_deg=2.3)).text
+    assert "OUT" not in shown(cutting(phase=Phase(error_deg=-1.5, within_deg=0.3))).text, "it may be within"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_lobe_that_is_nothing_to_the_part_has_no_limit(language: str) -> None:
+    page = shown(cutting(phase=Phase(error_deg=-35.0, within_deg=0.05), phase_limit_deg=None), language=language)
+    assert "-35.00 °" in page.text and "OUT" not in page.text
+    assert load(language)("run_page.no_limit", limit="") in page.text
 
 
 @pytest.mark.parametrize(
@@ -264,7 +274,7 @@ def test_enter_is_no_key_of_this_page() -> None:
 
 @pytest.mark.parametrize("stage", [CutStage.POSITION, CutStage.RUN_UP])
 def test_before_the_tool_is_in_the_part_nothing_is_judged(stage: CutStage) -> None:
-    page = shown(cutting(stage=stage, turn=40.0, tool_error_um=2000.0, phase_error_deg=None, ripple=None))
+    page = shown(cutting(stage=stage, turn=40.0, tool_error_um=2000.0, phase=None, ripple=None))
     assert "%" not in page.text
     assert "turn 40" not in page.text
     assert "2000" not in page.text
@@ -291,7 +301,7 @@ def test_on_its_way_out_the_tool_has_no_error_but_the_cut_has_a_largest_one() ->
 
 
 def test_without_compensation_nothing_is_judged() -> None:
-    page = shown(cutting(judged=False, phase_error_deg=None, tool_error_um=27.6, tool_error_peak_um=28.1))
+    page = shown(cutting(judged=False, phase=None, tool_error_um=27.6, tool_error_peak_um=28.1))
     assert "no compensation: not judged" in page.text
     assert "not known yet" not in page.text
     assert not any(value in page.text for value in ("27.6", "28.1"))
@@ -301,7 +311,7 @@ def test_without_compensation_nothing_is_judged() -> None:
 
 
 def test_the_summary_is_of_what_was_armed(armed: Armed) -> None:
-    moved = replace(VALID, jaw=JawAngle(angle_deg=99.0, at="09:59"), touch_off=None)
+    moved = replace(VALID, jaw=JawAngle(angle_deg=99.0, jaws=3, at="09:59"), touch_off=None)
     other = with_strategy(edited(experiment(), "chucking_force_n", "700"), "none")
     page = shown(state(moved, armed=armed), work=other, size=(100, 30))
     for value in ("1314 N", "pvt", "12.60 °", "R 76.000 mm"):
@@ -317,6 +327,11 @@ def test_all_that_moves_is_read_at_80_columns(armed: Armed, language: str) -> No
     for value in ("Z 169.3 mm", "R 28.000 mm", "1000 rpm"):
         assert value in page.words
     assert armed.plan.tool_start == 240_000.0
+
+
+@pytest.mark.parametrize(("flags", "mark"), [(ON, "✓ no fault"), (OFF, "○ no fault")])
+def test_no_fault_is_ticked_only_where_one_would_be_seen(flags: frozenset[str], mark: str) -> None:
+    assert mark in shown(state(snapshot=look(flags))).text
 
 
 def test_a_bar_is_full_only_at_the_end() -> None:

@@ -6,16 +6,19 @@ from dataclasses import replace
 
 import pytest
 
+from console.session.alignment import Alignment
 from console.session.intents import Arm, Retract
 from console.session.progress import CutStage
 from console.session.state import Activity, StationState
 from console.session.work import edited
 from console.text.catalogue import load
+from tests.tui.machine_states import ON, REST
 from tests.tui.run_stage import (
     CUT_IN_PART,
     OFF,
     STATES,
     SURFACE_COUNTS,
+    VALID,
     cut,
     cutting,
     frames_of,
@@ -25,6 +28,9 @@ from tests.tui.run_stage import (
     stopped,
 )
 from tests.tui.stage import LANGUAGES, SIZES, experiment
+
+FRESH = state(Alignment(), snapshot=look(REST | {"open_loop"}, tool=0.0, carriage=0.0))
+"""The controller was switched on a moment ago: nothing is homed, clamped or energised."""
 
 
 def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
@@ -46,6 +52,9 @@ def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
         (cutting(), "screen.in_motion"),
         (state(), "screen.tool_is_out"),
         (state(snapshot=look(OFF, tool=SURFACE_COUNTS)), "machine.retract_not_possible"),
+        (state(snapshot=look(OFF)), "alignment.drives_off"),
+        (FRESH, "machine.tool_unknown"),
+        (state(replace(VALID, clamping=None), snapshot=look(OFF)), "machine.tool_unknown"),
         (state(activity=Activity.ARMING, snapshot=look(tool=SURFACE_COUNTS)), "screen.busy"),
         (StationState(), "screen.nothing_known"),
     ],
@@ -156,6 +165,22 @@ def test_a_tool_that_nothing_holds_is_not_called_clear(known: bool | None, can_r
     page = shown(stopped(killed=not can_retract, tool_in_part=known, can_retract=can_retract))
     assert words in page.text
     assert ("nothing held" in page.text) is not can_retract
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("can_retract", [True, False])
+def test_where_the_tool_stands_is_not_guessed(can_retract: bool, language: str) -> None:
+    """A stop of a machine that nobody has homed: it may stand anywhere, in the part or out of it."""
+    page, text = shown(stopped(can_retract=can_retract), language=language), load(language)
+    assert text("run_page.tool_unknown") in page.text
+    assert text("run_page.remedy.unknown" if can_retract else "run_page.remedy.unknown_off") in page.words
+    for guess in ("retract", "by_hand", "clear", "not_held"):
+        assert text(f"run_page.remedy.{guess}") not in page.words
+
+
+def test_a_cut_that_was_left_with_its_zeros_lost_is_not_said_to_stand_in_the_part() -> None:
+    page = shown(state(snapshot=look(ON - {"home_complete"}, tool=0.0), cut=cut()))
+    assert "is not known" in page.next_step and "F8" in page.next_step
 
 
 def test_where_the_tool_is_goes_by_the_part_that_is_clamped() -> None:

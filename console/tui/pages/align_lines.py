@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from rich.cells import cell_len
 
@@ -42,6 +43,8 @@ from profiles.machine import MachineProfile
 
 WIDEST_STAMP = 44
 """Columns in which a label and its value still read as one."""
+
+STAMP_LABEL_WIDTH = 10
 
 NEAR_MARK_DEG = 1.0
 """Farther from the mark than this, jaw 1 was not turned to it."""
@@ -299,13 +302,30 @@ def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, wi
 
 
 def _facts(text: Catalogue, alignment: Alignment, width: int) -> list[Line]:
-    stamps: list[tuple[str, str, str]] = []
-    if alignment.clamping is not None:
-        force = f"{alignment.clamping.force_n:.0f} N"
-        stamps.append((text("align_page.stamp.force"), force, alignment.clamping.at))
-    if alignment.jaw is not None:
-        stamps.append((text("align_page.stamp.jaw"), f"{alignment.jaw.angle_deg:.2f} °", alignment.jaw.at))
-    if alignment.touch_off is not None:
-        zero = f"R {alignment.touch_off.zero_radius_mm:.3f} mm"
-        stamps.append((text("align_page.stamp.touch"), zero, alignment.touch_off.at))
-    return [fact(label, f"{value}  {at}", width, label_width=10) for label, value, at in stamps]
+    """Return what was taken, when, and what it rests on: behind the value where there is room, else below it."""
+    rows: list[Line] = []
+    for label, value, on, at in _taken(text, alignment):
+        whole = ", ".join(filter(None, (value, on)))
+        if not on or cell_len(whole) + cell_len(at) + 2 <= width - STAMP_LABEL_WIDTH:
+            rows.append(fact(label, f"{whole}  {at}", width, label_width=STAMP_LABEL_WIDTH))
+        else:
+            rows.append(fact(label, f"{value}  {at}", width, label_width=STAMP_LABEL_WIDTH))
+            rows.append(fact("", on, width, label_width=STAMP_LABEL_WIDTH))
+    return rows
+
+
+def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, str, str]]:
+    """Yield label, value, what it rests on and time of each stamp."""
+    clamping, jaw, touched = alignment.clamping, alignment.jaw, alignment.touch_off
+    if clamping is not None:
+        yield text("align_page.stamp.force"), f"{clamping.force_n:.0f} N", "", clamping.at
+    if jaw is not None:
+        jaws = text("align_page.stamp.jaws", jaws=jaw.jaws)
+        yield text("align_page.stamp.jaw"), f"{jaw.angle_deg:.2f} °", _named(jaws, jaw.on.chuck), jaw.at
+    if touched is not None:
+        zero, diameter = f"R {touched.zero_radius_mm:.3f} mm", f"D {touched.diameter_mm:g}"
+        yield text("align_page.stamp.touch"), zero, _named(diameter, touched.on.tool), touched.at
+
+
+def _named(what: str, name: str) -> str:
+    return f"{what}, {name}" if name else what

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from console.session.progress import PHASE_LIMIT_DEG, CutProgress, CutStage
+from console.session.progress import CutProgress, CutStage
 from console.session.ripple import SpindleRipple
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, line, ranged, to_the_right, width_of, wrapped
@@ -107,27 +107,35 @@ def _together_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]
     token = Token.WARNING if cut.is_lost else Token.STRONG
     value = f"! {shown}" if cut.is_lost else shown
     together = fact(label, value, width, label_width=LABEL_WIDTH, token=token)
-    return [together, *phase_lines(text, cut.phase_error_deg, width)]
+    return [together, *phase_lines(text, cut, width)]
 
 
-def phase_lines(text: Catalogue, phase_deg: float | None, width: int) -> list[Line]:
+def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return the phase error of the spindle with its limit, and where it stands between its limits."""
-    label = text("run_page.live.phase")
-    limit = text("run_page.limit", limit=f"{PHASE_LIMIT_DEG:.2f}°")
-    if phase_deg is None:
-        value = fact(label, text("run_page.no_phase"), width, label_width=LABEL_WIDTH, token=Token.DIM)
-        return [value, (dim(to_the_right(gauge(None, width - 2), width)),), (dim(to_the_right(limit, width)),)]
-    out = abs(phase_deg) > PHASE_LIMIT_DEG
+    label, phase_deg, limit_deg = text("run_page.live.phase"), cut.phase_error_deg, cut.phase_limit_deg
+    limit = _phase_limit(text, cut)
+    below = (dim(to_the_right(limit, width)),)
+    if phase_deg is None or limit_deg is None:
+        known = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+.2f} °"
+        value = fact(label, known, width, label_width=LABEL_WIDTH, token=Token.DIM)
+        return [value, (dim(to_the_right(gauge(None, width - 2), width)),), below]
+    out = cut.in_phase is False
     shown = f"{phase_deg:+.2f} °"
     token = Token.WARNING if out else Token.TEXT
     if out:
         shown = f"! {text('run_page.out_of_phase')} {shown}"
-    scale = (to_the_right(gauge(phase_deg / PHASE_LIMIT_DEG, width - 2), width), token)
-    return [
-        fact(label, shown, width, label_width=LABEL_WIDTH, token=token),
-        (scale,),
-        (dim(to_the_right(limit, width)),),
-    ]
+    scale = (to_the_right(gauge(phase_deg / limit_deg, width - 2), width), token)
+    return [fact(label, shown, width, label_width=LABEL_WIDTH, token=token), (scale,), below]
+
+
+def _phase_limit(text: Catalogue, cut: CutProgress) -> str:
+    """Return how much the phase may be off, and how well it is known."""
+    if cut.phase_limit_deg is None:
+        return text("run_page.no_limit")
+    limit = f"{cut.phase_limit_deg:.2f}°"
+    if cut.phase is None:
+        return text("run_page.limit", limit=limit)
+    return text("run_page.limit_known", limit=limit, within=f"{cut.phase.within_deg:.2f}°")
 
 
 def _not_judged(text: Catalogue, width: int) -> list[Line]:

@@ -14,7 +14,7 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
 from console.session.alignment import JawAngle
-from console.session.clearance import tool_in_part
+from console.session.clearance import no_retract, tool_in_part
 from console.session.intents import Arm, Disarm, Hold, Retract, Start
 from console.session.progress import CutProgress, CutStage
 from console.session.stages import Stage
@@ -243,9 +243,10 @@ class RunPage(Page):
             return "wait", Token.DIM
         if phase is Phase.ENDED and state.cut_done:
             return ("measure" if state.simulated else "take_out"), Token.ACTION
-        if _left(state) and self._in_part(state) is not False:
+        if _left(state) and (inside := self._in_part(state)) is not False:
             closed = state.snapshot is not None and state.snapshot.loops_closed
-            return ("retract" if closed else "switch_on"), Token.ACTION
+            held = "retract" if inside else "retract_unknown"
+            return (held if closed else "switch_on"), Token.ACTION
         return self._missing_word(view), Token.ACTION
 
     def _missing_word(self, view: View) -> str:
@@ -308,10 +309,9 @@ class RunPage(Page):
         state = self.desk.control.state
         if self._refuses(state, "run.retract"):
             return
-        if state.snapshot is None or not state.snapshot.loops_closed:
-            # Nothing holds the tool: it may not be called out, wherever it is seen.
-            inside = self._in_part(state) is not False
-            self._say("machine.retract_not_possible" if inside else "alignment.drives_off")
+        refused = no_retract(state.snapshot, self.desk.machine.machine, state.alignment)
+        if refused is not None:
+            self.desk.said = (refused,)
         elif self._in_part(state) is False:
             self._say("screen.tool_is_out")
         else:

@@ -6,7 +6,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from console.session.alignment import Alignment, aligned_job, aligned_machine, problems
+from console.session.alignment import (
+    Alignment,
+    AlignStep,
+    aligned_job,
+    aligned_machine,
+    problems,
+    step_problems,
+)
 from console.session.compensated import chosen_problems
 from console.session.interlocks import of_job, of_lobe
 from console.session.jogging import tool_radius_mm
@@ -54,7 +61,8 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
     rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
     return (
         Check(name="no_stop", problems=stopped),
-        Check(name="no_fault", problems=faults),
+        # Drives that are off report none, whatever is the matter.
+        Check(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),
         *_of_work(state, work, machine),
         Check(name="drives_on", problems=drives),
         Check(name="homed", problems=homed),
@@ -142,18 +150,15 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
         ("revision", _revision(text, work, armed)),
         ("force", f"{job.chucking_force_n:.0f} N"),
         ("window", window_words(job, work.machine.machine)),
-        ("confirmed", text("run_page.not_yet") if stamps.clamping is None else stamps.clamping.at),
+        ("confirmed", _clamped(text, stamps, job)),
         *([] if state.touched is None else [("touched", cut_words(text, state.touched))]),
         ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
         ("feed", f"{job.feed_mm_per_rev:.3f} mm/rev"),
         ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),
         ("strategy", text(f"run_page.strategy.{strategy}")),
         ("made", chosen_words(text, work) if armed is None else armed_words(text, armed)),
-        (
-            "jaw",
-            text("run_page.not_yet") if stamps.jaw is None else f"{stamps.jaw.angle_deg:.2f} °  {stamps.jaw.at}",
-        ),
-        ("touch_off", _touched(text, stamps)),
+        ("jaw", _jaw_found(text, stamps, job)),
+        ("touch_off", _touched(text, stamps, job)),
     ]
     facts = [fact(text(f"run_page.sum.{key}"), value, width, label_width=LABEL_WIDTH) for key, value in pairs]
     return facts if armed is None else [*_armed_head(text, armed, now_s, width), *facts]
@@ -173,9 +178,31 @@ def _revision(text: Catalogue, work: Work, armed: Armed | None) -> str:
     return f"{work.loaded.sha256[:6]}{text('run_page.edited') if work.edited else ''}"
 
 
-def _touched(text: Catalogue, stamps: Alignment) -> str:
+def _clamped(text: Catalogue, stamps: Alignment, job: Job) -> str:
+    if stamps.clamping is None:
+        return text("run_page.not_yet")
+    return stamps.clamping.at if _holds(stamps, AlignStep.CLAMP, job) else text("run_page.not_of_job")
+
+
+def _jaw_found(text: Catalogue, stamps: Alignment, job: Job) -> str:
+    jaw = stamps.jaw
+    if jaw is None:
+        return text("run_page.not_yet")
+    return (
+        f"{jaw.angle_deg:.2f} °  {jaw.at}" if _holds(stamps, AlignStep.JAW, job) else text("run_page.not_of_job")
+    )
+
+
+def _touched(text: Catalogue, stamps: Alignment, job: Job) -> str:
     touched = stamps.touch_off
-    return text("run_page.not_yet") if touched is None else f"R {touched.zero_radius_mm:.3f} mm  {touched.at}"
+    if touched is None:
+        return text("run_page.not_yet")
+    holds = _holds(stamps, AlignStep.TOUCH_OFF, job)
+    return f"R {touched.zero_radius_mm:.3f} mm  {touched.at}" if holds else text("run_page.not_of_job")
+
+
+def _holds(stamps: Alignment, step: AlignStep, job: Job) -> bool:
+    return not step_problems(stamps, step, job)
 
 
 def _armed_head(text: Catalogue, armed: Armed, now_s: float, width: int) -> list[Line]:

@@ -125,6 +125,8 @@ def _tool(text: Catalogue, stop: StopState) -> tuple[str, Token]:
 def _remedy(text: Catalogue, stop: StopState) -> str:
     if stop.rest_s is None:
         return text("run_page.remedy.wait")
+    if stop.tool_in_part is None:
+        return text("run_page.remedy.unknown" if stop.can_retract else "run_page.remedy.unknown_off")
     if stop.tool_in_part is False:
         return text("run_page.remedy.clear") if stop.can_retract else text("run_page.remedy.not_held")
     return text("run_page.remedy.retract") if stop.can_retract else text("run_page.remedy.by_hand")

@@ -10,6 +10,7 @@ from drivers.pmac.configuration.check import Check, Group, Outcome
 from drivers.pmac.configuration.reading import number_in
 from drivers.safety import FORM, NOT_FITTED, WIRED, inputs_of
 from profiles.machine import Safety
+from profiles.machine_signature import is_signature
 
 
 def safety_checks(client: PmacClient, safety: Safety) -> list[Check]:
@@ -25,7 +26,7 @@ def _fitted(safety: Safety) -> Iterator[Check]:
     for device, fitted in safety.devices.items():
         if fitted == WIRED:
             yield _check("device_wired", Outcome.HOLDS, device)
-        elif fitted == NOT_FITTED and safety.signed_by:
+        elif fitted == NOT_FITTED and is_signature(safety.signed_by):
             yield _check("device_signed", Outcome.NOTED, device, safety.signed_by)
         elif fitted == NOT_FITTED:
             yield _check("device_unsigned", Outcome.FAILS, device)
