@@ -18,6 +18,9 @@ LISTS = ("help", "messages")
 UNREADABLE, PASTED = "unreadable", "paste"
 """The keys of whatever the terminal said that is no key: bound to nothing, so that they stop what moves."""
 
+WRITTEN = {"pageup": "PgUp", "pagedown": "PgDn"}
+"""Keys that are written otherwise than Textual names them."""
+
 HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
 
 
@@ -129,7 +132,7 @@ def stop_reason(key: str, character: str | None, action: Action | None) -> str:
     if "+" in key:  # with Alt or Ctrl, whatever character comes with it
         return f"unbound {key}"
     printed = character is not None and character.isprintable()
-    return f"unbound {character if printed else key.capitalize()}"
+    return f"unbound {character if printed else WRITTEN.get(key, key.capitalize())}"
 
 
 def is_page(action: Action) -> bool:
