@@ -179,7 +179,7 @@ def test_in_motion_a_message_is_read_without_a_stop_and_other_keys_stop(tmp_path
         await pilot.press("space")
         assert control.stops == ["unbound x", "space"]
         await pilot.press("w", "pagedown")
-        assert control.stops == ["unbound x", "space", "unbound PgDn"], "with the list closed PgDn means nothing on Run"
+        assert control.stops == ["unbound x", "space", "unbound PgDn"], "PgDn means nothing on Run"
 
     play(at(PageName.RUN, run_stage.cutting()), act, tmp_path)
 
