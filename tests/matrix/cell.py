@@ -8,8 +8,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
+from typing import cast
 
+import pytest
+
+from console.session.errors import SessionError
+from console.session.intents import Measure
+from console.session.orders import measure
 from console.session.state import STALE_S, Activity
+from console.session.workplace import ShopFloor
 from drivers.pmac.foreseen import foresee
 from drivers.snapshot import AxisName, Snapshot
 from tests.matrix.faults import Row
@@ -69,6 +76,7 @@ class Seen:
     """How a cell ended: activity, what was told (alarms and refusals), what was sent since the fault came.
 
     `mended` is the activity once the fault is gone. `lines` are those that move or write, of the whole cell.
+    `done` is whether a cut counts as one, so that its part may be measured.
     """
 
     end: Activity
@@ -78,6 +86,7 @@ class Seen:
     mended: Activity
     lines: tuple[str, ...]
     wrong: tuple[str, ...]
+    done: bool
 
 
 def run_cell(row: Row, situation: Situation, records: Path) -> Seen:
@@ -85,17 +94,17 @@ def run_cell(row: Row, situation: Situation, records: Path) -> Seen:
     rig = build_rig(records)
     wrong: list[str] = []
     rig.looks.append(lambda snapshot: wrong.extend(_misread(rig, snapshot)))
-    begun = Begun(rig=rig, fault=lambda: row.inject(rig.sim))
+    begun = Begun(rig=rig, fault=lambda: row.inject(rig.sim), early=row.early, strategy=row.strategy)
     enter(situation, begun)
     assert begun.at_s is not None
     _settle(rig)
     state, end_s = rig.state, rig.sim.now_s()
     told = (*(a.problem.code for a in state.alarms), *(p.code for p in state.refusals))
     sent = [piece for piece in rig.wire.sent if piece.at_s >= begun.at_s]
-    wrong += _restless(rig, state.activity, row.unseen)
+    wrong += _restless(rig, state.activity, row)
     _mend(rig)
     after = rig.sim.since(begun.at_s)
-    may_move = {*MAY_MOVE.get(situation, ()), row.moves}
+    may_move = {*MAY_MOVE.get(situation, ()), *row.moves}
     wrong += [*_energised(rig, begun.at_s, row), *_unasked(after, may_move), *_after_stop(rig)]
     wrong += _slow_to_repeat(sent, state.activity)
     if situation in MOVING and NO_ANSWER & set(told):
@@ -110,7 +119,19 @@ def run_cell(row: Row, situation: Situation, records: Path) -> Seen:
         mended=rig.state.activity,
         lines=tuple(piece.line for piece in rig.wire.sent if kind_of(piece) is Kind.LINE),
         wrong=tuple(dict.fromkeys(wrong)),
+        done=_may_be_measured(rig),
     )
+
+
+def _may_be_measured(rig: Rig) -> bool:
+    """Whether the cut counts as done; of another one the order to measure is refused, past all else against it."""
+    if rig.state.cut_done:
+        return True
+    rig.place.shop = cast(ShopFloor, object())  # a gauge is there; it is not asked
+    with pytest.raises(SessionError) as refused:
+        measure(rig.place, Measure())
+    assert [problem.code for problem in refused.value.problems] == ["session.nothing_cut"]
+    return False
 
 
 def _settle(rig: Rig) -> None:
@@ -131,11 +152,13 @@ def _mend(rig: Rig) -> None:
         rig.step(STEP_S)
 
 
-def _restless(rig: Rig, end: Activity, unseen: str) -> list[str]:
+def _restless(rig: Rig, end: Activity, row: Row) -> list[str]:
     """What moves behind the end; a machine that is lost is given the time in which the card ends it.
 
     A lost machine whose drives are off may coast, and where an encoder does not count nobody can see it coast.
+    What another host moves while this one does nothing is that one's.
     """
+    anothers = row.moves if end is Activity.READY else frozenset()
     if end is Activity.LOST:
         rig.sim.wait(CARD_ENDS_S)
     begun_s = rig.sim.now_s()
@@ -144,7 +167,8 @@ def _restless(rig: Rig, end: Activity, unseen: str) -> list[str]:
     return [
         f"{axis} moves behind the end"
         for place, axis in enumerate(MOTORS)
-        if axis != unseen
+        if axis != row.unseen
+        and axis not in anothers
         and way(moments, place) > JITTER[axis]
         and (end is not Activity.LOST or moments[-1].powered[place])
     ]
@@ -158,10 +182,10 @@ def way(moments: list[Moment], place: int) -> float:
 
 def _energised(rig: Rig, begun_s: float, row: Row) -> list[str]:
     """Amplifiers that came on after the fault, in whatever situation: nobody has ordered that."""
-    return [f"{axis} energised" for at_s, axis in rig.sim.energised if at_s >= begun_s and axis is not row.moves]
+    return [f"{axis} energised" for at_s, axis in rig.sim.energised if at_s >= begun_s and axis not in row.moves]
 
 
-def _unasked(moments: list[Moment], may_move: Set[AxisName | None]) -> list[str]:
+def _unasked(moments: list[Moment], may_move: Set[AxisName]) -> list[str]:
     return [
         f"{axis} moves unasked by {way(moments, place):.0f} counts"
         for place, axis in enumerate(MOTORS)

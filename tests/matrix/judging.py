@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from console.session.state import Activity
+from drivers.cut import Strategy
 from tests.matrix.cell import Kind, Seen, run_cell
 from tests.matrix.expected import SAME, TABLE, UNKNOWN, right
 from tests.matrix.faults import NO_FAULT, Row
@@ -17,22 +19,24 @@ HOLD = "M26=1"
 """Asks a cut to end at the end of its turn: it moves nothing, and may be sent twice."""
 
 STRONGEST_FIRST = (Kind.LINE, Kind.RENEWAL)
-_FOUND: dict[Situation, Seen] = {}
+_FOUND: dict[tuple[Situation, Strategy], Seen] = {}
 
 
-def without_fault(situation: Situation) -> Seen:
+def without_fault(situation: Situation, strategy: Strategy = Strategy.PVT) -> Seen:
     """What is seen without a fault; found once."""
-    if situation not in _FOUND:
+    if (situation, strategy) not in _FOUND:
         with TemporaryDirectory() as folder:
-            _FOUND[situation] = run_cell(NO_FAULT, situation, Path(folder))
-    return _FOUND[situation]
+            sound = replace(NO_FAULT, strategy=strategy)
+            _FOUND[situation, strategy] = run_cell(sound, situation, Path(folder))
+    return _FOUND[situation, strategy]
 
 
 def problems(row: Row, situation: Situation, seen: Seen) -> list[str]:
     """Return everything that is not as it should be."""
     wanted = right(row.name, situation)
     told = [] if any(_fits(way, seen) for way in wanted.split(" or ")) else [f"{_said(seen)}, not {wanted}"]
-    return [*told, *seen.wrong, *_sent_again(seen, without_fault(situation)), *_not_mended(seen, wanted)]
+    again = _sent_again(seen, without_fault(situation, row.strategy))
+    return [*told, *seen.wrong, *again, *_not_mended(seen, wanted), *_not_done(situation, seen, wanted)]
 
 
 def unharmed(row: Row, situation: Situation) -> bool:
@@ -93,3 +97,10 @@ def _not_mended(seen: Seen, wanted: str) -> Iterator[str]:
     expected = Activity.STOPPED if lost and "link.lost" not in wanted else seen.end
     if seen.mended is not expected:
         yield f"when it was mended: {seen.mended.value}, not {expected.value}"
+
+
+def _not_done(situation: Situation, seen: Seen, wanted: str) -> Iterator[str]:
+    """A cut is done, and its part may be measured, where it has ended as without a fault, and nowhere else."""
+    done = situation is Situation.CUTTING and wanted == right(NO_FAULT.name, situation)
+    if seen.done is not done:
+        yield "the part may be measured" if seen.done else "a cut that was made is not called done"

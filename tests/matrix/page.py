@@ -4,27 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tests.matrix.expected import SAME, TABLE
+from tests.matrix.expected import SAME, TABLE, UNTRIED
 from tests.matrix.known import KNOWN, WRONG
 from tests.matrix.situations import Situation
 
 _HEAD = """# The fault matrix
 
-What the console makes of each fault ([faults.md](faults.md)) in each state that it may be in. Each cell is tried
-on the simulated lathe, with the heartbeat that a screen keeps, and all that was sent and every axis is looked at.
+What the console makes of each fault ([faults.md](faults.md)) in each state that it may be in: first as
+the screens work it, then as `console run` does, which takes one order and has nobody at its keys. Each cell is tried
+on the simulated lathe, with the heartbeat that a host keeps, and all that was sent and every axis is looked at.
 
 In no cell does anything move that was not ordered, nor behind the end. No line that moves or writes is sent more
 often than without the fault, and none behind a stop. No position is shown that the card did not have between
 request and reply. No amplifier is switched on. No exception is shown. What moves without an answer is stopped
 within a second, and a stop that is not proven goes out five times a second. When the fault is gone nothing goes on
-by itself, and a machine that was lost is found again at rest, unless its link is gone for good.
+by itself, and a machine that was lost is found again at rest, unless its link is gone for good. A cut that ends
+otherwise than planned is not called done: its part is not measured, and nothing is learned from it.
 
 A cell says how it ends, the strongest thing that was sent (a stop, before a line, before a renewal of the lease,
 before nothing but looks), and the alarms, or the reasons of a refusal:
 
 - **ready**, **armed**: the console goes on. **stopped**: rest is proven, and F2 goes on. **lost**: it cannot be
   proven; the lease ends what moves.
-- `–` is as without the fault. A stop in parentheses may be sent, when a look fails on the way to rest.
+- `–` is as without the fault; an empty cell is not tried, as its fault is of something that is not there. A stop in parentheses may be sent, when a look fails on the way to rest.
 - *no answer* is one of `link.silent`, `link.out_of_step` and `link.not_in_step`: nothing came, or something else,
   or the way back in step was not found.
 - Control-A is sent only while every loop was seen closed and nothing is in doubt. A fault of the line puts that in
@@ -43,9 +45,14 @@ _LIMITS = """
 
 - An axis whose encoder does not count looks as if it rested. After a trip by a lost encoder the spindle may coast
   on while the console proves rest: it goes by what the card reports. The alarm names the axis.
-- Control-A closes a loop that has tripped since the last look, where it stands. The card trips it again if the
-  cause lasts; the next look then finds it open, and the next stop is control-K.
-- What another host moves or switches on is not prevented; that it does so is seen with the next look.
+- Control-A closes a loop that has tripped, or was opened by another host, since the last look, where it stands. The
+  card trips it again if the cause lasts; the next look then finds it open, and the next stop is control-K.
+- What another host moves, switches on or writes is not prevented. During a motion of this console the next look
+  judges it: what was not ordered is stopped at that look. A constant of a running program is read in turn, within a
+  second, unless an axis has left its plan before. At rest, what another host moves is that host's, and is left
+  alone; what it has switched off, changed or rewritten is refused with the next order.
+- A line that arrives otherwise than it was sent is seen by what it does. What is loaded is read back, so that it
+  does nothing; a jog has begun by the time of the next look.
 """
 
 
@@ -67,6 +74,8 @@ def _row(*cells: str) -> str:
 
 
 def _cell(row: str, situation: Situation, said: str) -> str:
+    if said == UNTRIED:
+        return ""
     mark = " \\*" if (row, situation) in KNOWN else ""
     ways = "–" if said == SAME else " or ".join(_way(way) for way in said.split(" or "))
     return ways + mark
