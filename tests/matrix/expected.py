@@ -181,7 +181,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "stranger-writes, a jog without end": (ENERGISED, SAME, ASTRAY, UNEXPECTED, MOVED, SAME, SAME, SAME),
     # It has come to rest when the download is over; the start takes the tool to its place.
     "stranger-writes, a jog of the tool": (ENERGISED, SAME, UNEXPECTED, HOME_ENDED, SAME, SAME, SAME, SAME),
-    # Drives that others switch off at rest are off: the next motion is refused. A program that runs keeps its axes.
+    # Drives that others switch off at rest are off: the next motion is refused. A program keeps its axes.
     "stranger-writes, a kill of the tool": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, SAME, SAME, SAME),
     "stranger-writes, ^K": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, SAME, OPENED, ABORTED_IN_DOUBT),
     # An abort closes loops, also where hands may be. At rest with the drives on it changes nothing.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -10,7 +10,8 @@ from tempfile import TemporaryDirectory
 
 from console.session.state import Activity
 from drivers.cut import Strategy
-from tests.matrix.cell import Kind, Seen, run_cell
+from tests.matrix.cell import Seen, run_cell
+from tests.matrix.checks import Kind
 from tests.matrix.expected import SAME, TABLE, UNKNOWN, right
 from tests.matrix.faults import NO_FAULT, Row
 from tests.matrix.situations import Situation
@@ -47,27 +48,28 @@ def unharmed(row: Row, situation: Situation) -> bool:
 def _fits(wanted: str, seen: Seen) -> bool:
     state, _, codes = wanted.partition(": ")
     end, _, sent = state.partition(", ")
-    return end == _end(seen) and _sent_fits(sent, seen) and _told_fits(codes.split(), seen.told)
+    return end == _end(seen) and sent_fits(sent, seen.sent) and told_fits(codes.split(), seen.told)
 
 
 def _end(seen: Seen) -> str:
     return "armed" if seen.armed and seen.end is Activity.READY else seen.end.value
 
 
-def _sent_fits(wanted: str, seen: Seen) -> bool:
+def sent_fits(wanted: str, sent: Collection[Kind]) -> bool:
+    """The strongest that was sent is what is wanted; in parentheses is what may be sent besides."""
     may = {word.strip("()") for word in wanted.split()}
     must = {word for word in wanted.split() if not word.startswith("(")}
-    return must <= set(_strongest(seen)) <= may
+    return must <= set(strongest(sent)) <= may
 
 
-def _strongest(seen: Seen) -> tuple[str, ...]:
+def strongest(sent: Collection[Kind]) -> tuple[str, ...]:
     """The stops, or where there are none the strongest thing that was sent."""
-    stops = tuple(kind.value for kind in seen.sent if kind in (Kind.ABORT, Kind.KILL))
-    others = [kind.value for kind in STRONGEST_FIRST if kind in seen.sent]
+    stops = tuple(kind.value for kind in Kind if kind in sent and kind in (Kind.ABORT, Kind.KILL))
+    others = [kind.value for kind in STRONGEST_FIRST if kind in sent]
     return stops or tuple(others[:1]) or ("nothing",)
 
 
-def _told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
+def told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
     """Each code is told, and nothing else; that the outcome of a look with its lease is unknown may be told."""
     left = list(told)
     for code in wanted:
@@ -79,7 +81,7 @@ def _told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
 
 
 def _said(seen: Seen) -> str:
-    return f"{_end(seen)}, {' '.join(_strongest(seen))}: {' '.join(seen.told)}"
+    return f"{_end(seen)}, {' '.join(strongest(seen.sent))}: {' '.join(seen.told)}"
 
 
 def _sent_again(seen: Seen, usual: Seen) -> Iterator[str]:
