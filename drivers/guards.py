@@ -94,7 +94,8 @@ class JogGuard:
         """Judge where the axis is commanded to be."""
         at = snapshot.axis(self.axis).commanded
         low, high = sorted((self.begin, self.end))
-        if low - self.beyond_counts <= at <= high + self.beyond_counts:
+        held = snapshot.axis(self.axis).closed
+        if not held or low - self.beyond_counts <= at <= high + self.beyond_counts:
             return self.others(snapshot)
         value, limit = f"{at:.0f} counts", f"{self.begin:.0f} to {self.end:.0f} counts"
         return (Problem(code="machine.jog_astray", key=self.axis, value=value, limit=limit),)
@@ -140,8 +141,9 @@ class ProgramGuard:
 
 
 def _outside(planned: AxisRange, snapshot: Snapshot, code: str) -> Problem | None:
+    """Return that an axis is commanded elsewhere; one whose loop is open is commanded by nobody."""
     at = snapshot.axis(planned.axis).commanded
-    if planned.low <= at <= planned.high:
+    if not snapshot.axis(planned.axis).closed or planned.low <= at <= planned.high:
         return None
     value, limit = f"{at:.0f} counts", f"{planned.low:.0f} to {planned.high:.0f} counts"
     return Problem(code=code, key=planned.axis, value=value, limit=limit)

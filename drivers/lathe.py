@@ -445,6 +445,8 @@ class Lathe:
             raise
         except ControllerError:
             self._end_guard()  # what stands in front of the order on its line was carried out
+            with suppress(DriverError):
+                self._looks.look()  # perhaps a loop has opened meanwhile: control-A would close it
             raise
 
     @property

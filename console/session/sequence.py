@@ -154,6 +154,7 @@ def _align(shop: Shop, job: Job, plan: CutPlan, *, homed: bool) -> None:
     """Drives on, home, and every axis to its start: tool last, so that it comes in beside the part."""
     lathe = shop.lathe
     shop.clamp(job)
+    lathe.snapshot()  # loading and clamping take their time: the machine may be another's by now
     lathe.enable()
     if not homed:
         lathe.home()

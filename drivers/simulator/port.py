@@ -260,6 +260,8 @@ class Port:
         end = found.start() if found else len(self._queue)
         self._add(bytes(self._queue[: min(end, LINE_LIMIT + 1)]))
         del self._queue[: end + len(part)]
+        if self.lines.garblings and part in (b"\r", SUM):
+            self._garble()
         if part == BACKSPACE:
             del self._line[-1:]
         elif part == SUM:
@@ -278,6 +280,12 @@ class Port:
         self._overlong = self._overlong or len(text) > room
         self._line += text[:room]
         self._share.spend(_PART_WORK + len(text) // _CHARACTERS_A_VALUE)
+
+    def _garble(self) -> None:
+        """Have the line that has come be another; it must have room for that, too."""
+        line = self.lines.read(bytes(self._line))
+        self._overlong = self._overlong or len(line) > LINE_LIMIT
+        self._line = bytearray(line[:LINE_LIMIT])
 
     def _begin(self, line: bytes) -> None:
         """Execute a line, as far as the turn goes."""

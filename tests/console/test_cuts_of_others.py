@@ -177,3 +177,27 @@ def test_a_jog_that_goes_elsewhere_is_stopped_on_its_way(floor: Floor, line: str
     assert code in told(state) and state.snapshot is not None
     gone = state.snapshot.carriage.position - before.carriage.position
     assert -1500.0 < gone < 2500.0, "1 mm is 1000 counts; the rest is what a stop takes"
+
+
+def test_a_reset_while_the_machine_comes_to_rest_is_an_alarm(floor: Floor) -> None:
+    """Nobody waits for the jog any more, and behind the reset there is nothing to compare with."""
+    floor.when(lambda seen: seen.moving, lambda: floor.stop.stop("space"))
+    floor.when(lambda _: floor.state.activity is Activity.STOPPING, lambda: another_host(floor, "$$$"))
+    state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
+    assert state.activity is Activity.STOPPED and not state.alignment.homed
+    assert told(state) == ["controller.was_reset"]
+
+
+def test_a_home_search_that_is_stopped_has_lost_no_position_to_another_host(floor: Floor) -> None:
+    """The stop comes behind the line that begins the search, before anything was seen of it."""
+    sent = floor.link.send
+
+    def send(data: bytes) -> None:
+        sent(data)
+        if b"HM" in data:
+            floor.stop.stop("space")
+
+    floor.link.send = send  # type: ignore[method-assign]
+    state = floor.do(Home())
+    assert state.activity is Activity.STOPPED and told(state) == []
+    assert state.snapshot is not None and "home_complete" not in state.snapshot.tool.flags

@@ -22,9 +22,9 @@ from profiles.machine import MachineProfile
 DOCUMENT = Path(__file__).parents[2] / "docs" / "faults.md"
 CYCLE_S = 0.005
 ASKED_FOR = (
-    "split-segments dropped-ack late-reply extra-line nul wrong-checksum bare-bel cut-cable hang 9600-baud"
-    " encoder-loss index-lost amplifier-fault limit following-error-trip spindle-ripple watchdog slow-background"
-    " stranger-writes"
+    "split-segments dropped-ack late-reply extra-line nul wrong-checksum bare-bel garbled-line cut-cable hang"
+    " 9600-baud encoder-loss index-lost amplifier-fault limit following-error-trip spindle-ripple watchdog"
+    " slow-background stranger-writes"
 ).split()
 
 

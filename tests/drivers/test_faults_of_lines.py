@@ -281,3 +281,35 @@ def test_every_host_has_the_fault(card: Wire) -> None:
     other = Wire(sim=card.sim, port=card.sim.connect())
     card.sim.faults.inject("nul")
     assert (card.raw("P1\r"), other.raw("P1\r")) == (b"\0", b"\0")
+
+
+def test_a_garbled_line_is_another_line_once_and_the_host_is_not_told(card: Wire) -> None:
+    card.sim.faults.inject("garbled-line", find="P1=1", replace="P1=7")
+    assert card.raw("P2=1\r") + card.raw("P1=10\r") == b"\x06\x06"
+    assert card.raw("P1P2\r") == b"70\r1\r\x06"
+    card.sim.wait(CYCLE_S)
+    assert card.sim.faults.active() == ()
+    card.raw("P1=1\r")
+    assert card.raw("P1\r") == b"1\r\x06"
+
+
+def test_what_is_garbled_may_come_in_pieces_and_grow_too_long(card: Wire) -> None:
+    card.sim.faults.inject("garbled-line", find="J=1", replace="J=11")
+    card.port.receive(b"#1J=")
+    assert card.raw("1 P1=3" + " " * 245 + "\r") == b"\x07ERR003\r"
+    assert card.raw("P1\r") == b"25\r\x06"
+
+
+def test_the_checksum_of_a_garbled_line_is_that_of_what_was_read(card: Wire) -> None:
+    """ "P2" is 0x50 + 0x32 = 0x82; the checksum of "50 CR" is 0x35 + 0x30 + 0x0D = 0x72."""
+    card.raw("I4=1\r")
+    card.sim.faults.inject("garbled-line", find="P1", replace="P2")
+    assert card.raw("P1\r") == b"50\r\x72\x06\x82"
+    card.sim.faults.inject("garbled-line", find="P1", replace="P2")
+    assert card.raw("P1\x0e") == b"\x82"
+
+
+def test_nothing_is_garbled_any_more_after_a_clear(card: Wire) -> None:
+    card.sim.faults.inject("garbled-line", find="P1", replace="P2")
+    card.sim.faults.clear()
+    assert card.raw("P1\r") == b"25\r\x06"

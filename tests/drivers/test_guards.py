@@ -90,6 +90,15 @@ def test_an_axis_outside_the_plan_is_reported_with_the_planned_range() -> None:
     assert (problem.code, problem.key, problem.limit) == ("cut.outside_plan", "carriage", "-10 to 1000 counts")
 
 
+def test_an_axis_that_coasts_with_its_loop_open_is_commanded_nowhere() -> None:
+    """That its loop is open is what is wrong, and is told by itself."""
+    coasting = seen(tool=state(9000.0, OFF), carriage=state(9000.0, OFF))
+    assert jog(0.0, 5000.0)(coasting) == ()
+    assert ProgramGuard([AxisRange(axis=AxisName.CARRIAGE, low=-10.0, high=1000.0)])(coasting) == ()
+    problem = open_loop_problem(coasting)
+    assert problem is not None and problem.key == "tool, carriage"
+
+
 def test_a_program_that_runs_and_moves_nothing_is_stalled_after_a_second() -> None:
     guard, step_s = ProgramGuard(), STALLED_S / 4.0
     told = [codes(guard(seen(number * step_s))) for number in range(6)]

@@ -98,3 +98,20 @@ def test_a_slow_background_reads_it_in_its_cycle(card: Wire) -> None:
 def test_a_buffer_that_it_has_opened_is_in_the_way_of_the_others(card: Wire) -> None:
     card.sim.faults.inject("stranger-writes", line="OPEN PROG 5")
     assert card.refusal("OPEN PROG 6") == 7
+
+
+@pytest.mark.parametrize(("character", "closed"), [("^A", True), ("^K", False), ("^P", None)])
+def test_it_sends_control_characters_as_other_hosts_do(card: Wire, character: str, closed: bool | None) -> None:
+    """Control-A closes every loop, control-K opens all of them, and control-P is answered."""
+    motor = card.sim.controller.motors[1]
+    if closed is not True:
+        card.tell("#1J/")
+    before = motor.enabled
+    heard = told(card, f"inject stranger-writes line={character}")
+    assert motor.enabled is (before if closed is None else closed)
+    assert (heard != "the stranger was told: nothing") is (closed is None)
+
+
+def test_a_caret_within_a_line_is_an_operator(card: Wire) -> None:
+    """5 and 3 have 6 between them, bit by bit."""
+    assert told(card, "inject stranger-writes 'line=P5=5^3 P5'") == "the stranger was told: 6<CR><ACK>"

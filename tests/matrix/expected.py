@@ -14,6 +14,9 @@ from tests.matrix.situations import Situation
 SAME = "-"
 """As without a fault."""
 
+UNTRIED = ""
+"""A cell that is not tried: the fault is of something that is not ordered there."""
+
 NO_ANSWER = "link.silent/link.out_of_step/link.not_in_step"
 UNKNOWN = "link.outcome_unknown"
 
@@ -54,6 +57,41 @@ SET_OTHERWISE = (SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME, SAME, SAME)
 OUT_OF_PHASE = "stopped, ^K: cut.out_of_phase machine.fault"
 TRIPPED_BLIND = f"{OUT_OF_PHASE} or {FAULT_K}"
 """Half a second of looks tells the phase; a loop that sees nothing may trip before."""
+
+ENERGISED = "stopped, ^K: machine.energised"
+OPENED = "stopped, ^K: machine.loop_open"
+NOT_ENABLED, MOVED = "ready, lines: machine.not_enabled", "ready, lines: machine.moving"
+JOG_ENDED, HOME_ENDED = "stopped, ^A: machine.not_arrived", "stopped, ^A: machine.home_ended"
+ASTRAY, UNEXPECTED = "stopped, ^A: machine.jog_astray", "stopped, ^A: machine.unexpected_motion"
+ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
+HELD_BY_OTHERS = "stopped, ^A: cut.ended_early cut.held_by_another"
+OVERRIDE, OUTSIDE = "stopped, ^A: cut.override", "stopped, ^A: cut.outside_plan"
+NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
+NOT_THAT_TABLE = "stopped, ^A: controller.table_differs"
+"""What was loaded wrong is no refusal: a line that arrives otherwise than it was sent is a fault of its link."""
+
+RESET = "stopped, ^K: controller.was_reset"
+RESET_AT_REST = "ready, nothing: controller.was_reset"
+RESET_LINE = f"stopped, ^K: {NO_ANSWER} {UNKNOWN} controller.was_reset"
+"""The settings of the line are those of the controller again: no acknowledgement comes."""
+
+ABORTED_BY_OTHERS = (ENERGISED, SAME, JOG_ENDED, HOME_ENDED, SAME, SAME, ENDED_BY_OTHERS, SAME)
+
+
+def _only(**cells: str) -> tuple[str, ...]:
+    """Return a row of which only the cells that are named (`DOWNLOADING=...`) are tried."""
+    return tuple(cells.get(situation.name, UNTRIED) for situation in Situation)
+
+
+def _program(cut: str) -> tuple[str, ...]:
+    """Return the row of what concerns programs, and axes only if the controller thought otherwise."""
+    return _only(IDLE=SAME, JOGGING=SAME, HOMING=SAME, DOWNLOADING=SAME, ARMED=SAME, CUTTING=cut)
+
+
+def _loaded(download: str, cut: str) -> tuple[str, ...]:
+    """Return the row of what concerns a program that is loaded."""
+    return _only(DOWNLOADING=download, ARMED=SAME, CUTTING=cut)
+
 
 _ROWS: Mapping[str, tuple[str, ...]] = {
     # drives off, idle, jogging the carriage, homing, downloading, armed, cutting, stopping a cut
@@ -139,11 +177,52 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
         "stopped, ^A: machine.unexpected_motion",
         *("ready, lines: machine.moving", SAME, SAME, SAME),
     ),
+    # In a cut the controller takes no jog.
+    "stranger-writes, a jog without end": (ENERGISED, SAME, ASTRAY, UNEXPECTED, MOVED, SAME, SAME, SAME),
+    # It has come to rest when the download is over; the start takes the tool to its place.
+    "stranger-writes, a jog of the tool": (ENERGISED, SAME, UNEXPECTED, HOME_ENDED, SAME, SAME, SAME, SAME),
+    # Drives that others switch off at rest are off: the next motion is refused. A program keeps its axes.
+    "stranger-writes, a kill of the tool": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, SAME, SAME, SAME),
+    "stranger-writes, ^K": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, SAME, OPENED, ABORTED_IN_DOUBT),
+    # An abort closes loops, also where hands may be. At rest with the drives on it changes nothing.
+    "stranger-writes, ^A": ABORTED_BY_OTHERS,
+    "stranger-writes, &1A": ABORTED_BY_OTHERS,
+    # The segment in progress may be the last, and end in full motion.
+    "stranger-writes, &1Q": _program(f"{ENDED_BY_OTHERS} or {OUTSIDE}"),
+    # The override is that of programs.
+    "stranger-writes, &1H": _program(OVERRIDE),
+    "stranger-writes, &1%0": _program(OVERRIDE),
+    "stranger-writes, &1%50": _program(OVERRIDE),
+    # With the drives off nothing was homed yet.
+    "stranger-writes, $$$": (
+        *(SAME, RESET_AT_REST, RESET, RESET, RESET_LINE, RESET_AT_REST, RESET),
+        "stopped, ^A ^K: controller.was_reset",
+    ),
+    # What is loaded matters where something is; what is armed is refused at its start.
+    "stranger-writes, M26=1": _loaded(SAME, HELD_BY_OTHERS),
+    "stranger-writes, fewer turns": _loaded(
+        NOT_AS_PLANNED, f"{NOT_AS_PLANNED} or stopped, ^A: cut.ended_early controller.constant_differs"
+    ),
+    "stranger-writes, a deeper cut": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {NOT_AS_PLANNED}"),
+    "stranger-writes, a larger lobe": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {NOT_AS_PLANNED}"),
+    # A buffer that is open, or runs, is not another's to open.
+    "stranger-writes, another program": _loaded(SAME, SAME),
+    # The axis that is homed instead has lost its zero by that.
+    "garbled-line, a home search": _only(HOMING="stopped, ^A: controller.home_lost"),
+    # A cut goes to its start by jogs.
+    "garbled-line, a jog": _only(JOGGING=ASTRAY, CUTTING=ASTRAY),
+    "garbled-line, a depth": _only(DOWNLOADING=NOT_AS_PLANNED),
+    "garbled-line, an entry of a table": _only(DOWNLOADING=NOT_THAT_TABLE),
 }
 
 TABLE: Mapping[str, Mapping[Situation, str]] = {
     name: dict(zip(Situation, cells, strict=True)) for name, cells in _ROWS.items()
 }
+
+
+def tried(row: str, situation: Situation) -> bool:
+    """Return whether a cell is tried."""
+    return TABLE[row][situation] != UNTRIED
 
 
 def right(row: str, situation: Situation) -> str:

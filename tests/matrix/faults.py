@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from drivers.cut import Strategy
 from drivers.simulator.faults.parameter import Value
 from drivers.simulator.machine import SimulatedLathe
 from drivers.snapshot import AxisName
@@ -16,14 +17,18 @@ AXES = tuple(AxisName)
 class Row:
     """A fault with what it is told; without `for_s` it lasts until it is mended. `name` is that of the row.
 
-    `moves` is what the fault itself moves. Of `unseen` nobody can know where it is, as its encoder does not count.
+    `moves` are the axes that the fault itself moves or energises. Of `unseen` nobody can know where it is, as its
+    encoder does not count. One that is `early` is there before what it meets is ordered. `strategy` is that of
+    the cut.
     """
 
     name: str
     fault: str
     for_s: float | None = None
     given: Mapping[str, Value] = field(default_factory=dict)
-    moves: AxisName | None = None
+    moves: frozenset[AxisName] = frozenset()
+    early: bool = False
+    strategy: Strategy = Strategy.PVT
 
     @property
     def unseen(self) -> str:
@@ -51,6 +56,22 @@ def _on_each_axis(fault: str) -> tuple[Row, ...]:
     return tuple(_named(axis.value, fault, motor=axis.value) for axis in AXES)
 
 
+def _stranger(name: str, line: str, *moves: AxisName) -> Row:
+    return Row(
+        name=f"stranger-writes, {name}", fault="stranger-writes", given={"line": line}, moves=frozenset(moves)
+    )
+
+
+def _garbled(name: str, find: str, replace: str, strategy: Strategy = Strategy.PVT) -> Row:
+    return Row(
+        name=f"garbled-line, {name}",
+        fault="garbled-line",
+        given={"find": find, "replace": replace},
+        early=True,
+        strategy=strategy,
+    )
+
+
 SPOILING = ("dropped-ack", "extra-line", "nul", "bare-bel")
 """What can be wrong with a reply so that it cannot be read."""
 
@@ -66,6 +87,28 @@ STRANGERS = {
     "another owner": "P1000=7",
 }
 """What another host may write. The gain is half of what it was."""
+
+ABORTS = ("^A", "&1A")
+ENDS = {
+    "a kill of the tool": "#1K",
+    "^K": "^K",
+    **{name: name for name in ABORTS},
+    "&1Q": "&1Q",
+    "&1H": "&1H",
+    "&1%0": "&1%0",
+    "&1%50": "&1%50",
+    "$$$": "$$$",
+    "M26=1": "M26=1",
+}
+"""How another host may end, hold, or slow down what goes on; control characters are written with a caret."""
+
+OTHER_CUTS = {
+    "fewer turns": "P23=5",
+    "a deeper cut": "P11=P11+500",
+    "a larger lobe": "P12=P12*4 P15=P15*4",
+    "another program": "OPEN PROG 2 CLEAR X0 CLOSE",
+}
+"""What another host may make of a cut by pvt that is loaded. 500 counts of the tool are 0.1 mm."""
 
 NO_FAULT = Row(name="no fault", fault="")
 
@@ -96,11 +139,15 @@ ROWS: tuple[Row, ...] = (
     _lasting("watchdog"),
     _lasting("slow-background"),
     _named("2.5 s", "slow-background", cycle_ms=2500.0),
-    *(_named(name, "stranger-writes", line=line) for name, line in STRANGERS.items()),
-    Row(
-        name="stranger-writes, a jog",
-        fault="stranger-writes",
-        given={"line": "#3J:2000"},
-        moves=AxisName.CARRIAGE,
-    ),
+    *(_stranger(name, line) for name, line in STRANGERS.items()),
+    _stranger("a jog", "#3J:2000", AxisName.CARRIAGE),
+    _stranger("a jog without end", "#3J+", AxisName.CARRIAGE),
+    _stranger("a jog of the tool", "#1J:-3000", AxisName.TOOL),
+    # What closes loops energises all of them.
+    *(_stranger(name, line, *(AXES if name in ABORTS else ())) for name, line in ENDS.items()),
+    *(_stranger(name, line) for name, line in OTHER_CUTS.items()),
+    _garbled("a home search", "#1HM", "#3HM"),
+    _garbled("a jog", "#3J=", "#3J=9"),
+    _garbled("a depth", "P11=1", "P11=2"),
+    _garbled("an entry of a table", " 4618 ", " 4628 ", Strategy.CAM),
 )

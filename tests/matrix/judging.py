@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from console.session.state import Activity
-from tests.matrix.cell import Kind, Seen, run_cell
+from drivers.cut import Strategy
+from tests.matrix.cell import Seen, run_cell
+from tests.matrix.checks import Kind
 from tests.matrix.expected import SAME, TABLE, UNKNOWN, right
 from tests.matrix.faults import NO_FAULT, Row
 from tests.matrix.situations import Situation
@@ -17,22 +20,24 @@ HOLD = "M26=1"
 """Asks a cut to end at the end of its turn: it moves nothing, and may be sent twice."""
 
 STRONGEST_FIRST = (Kind.LINE, Kind.RENEWAL)
-_FOUND: dict[Situation, Seen] = {}
+_FOUND: dict[tuple[Situation, Strategy], Seen] = {}
 
 
-def without_fault(situation: Situation) -> Seen:
+def without_fault(situation: Situation, strategy: Strategy = Strategy.PVT) -> Seen:
     """What is seen without a fault; found once."""
-    if situation not in _FOUND:
+    if (situation, strategy) not in _FOUND:
         with TemporaryDirectory() as folder:
-            _FOUND[situation] = run_cell(NO_FAULT, situation, Path(folder))
-    return _FOUND[situation]
+            sound = replace(NO_FAULT, strategy=strategy)
+            _FOUND[situation, strategy] = run_cell(sound, situation, Path(folder))
+    return _FOUND[situation, strategy]
 
 
 def problems(row: Row, situation: Situation, seen: Seen) -> list[str]:
     """Return everything that is not as it should be."""
     wanted = right(row.name, situation)
     told = [] if any(_fits(way, seen) for way in wanted.split(" or ")) else [f"{_said(seen)}, not {wanted}"]
-    return [*told, *seen.wrong, *_sent_again(seen, without_fault(situation)), *_not_mended(seen, wanted)]
+    again = _sent_again(seen, without_fault(situation, row.strategy))
+    return [*told, *seen.wrong, *again, *_not_mended(seen, wanted), *_not_done(situation, seen, wanted)]
 
 
 def unharmed(row: Row, situation: Situation) -> bool:
@@ -43,27 +48,28 @@ def unharmed(row: Row, situation: Situation) -> bool:
 def _fits(wanted: str, seen: Seen) -> bool:
     state, _, codes = wanted.partition(": ")
     end, _, sent = state.partition(", ")
-    return end == _end(seen) and _sent_fits(sent, seen) and _told_fits(codes.split(), seen.told)
+    return end == _end(seen) and sent_fits(sent, seen.sent) and told_fits(codes.split(), seen.told)
 
 
 def _end(seen: Seen) -> str:
     return "armed" if seen.armed and seen.end is Activity.READY else seen.end.value
 
 
-def _sent_fits(wanted: str, seen: Seen) -> bool:
+def sent_fits(wanted: str, sent: Collection[Kind]) -> bool:
+    """The strongest that was sent is what is wanted; in parentheses is what may be sent besides."""
     may = {word.strip("()") for word in wanted.split()}
     must = {word for word in wanted.split() if not word.startswith("(")}
-    return must <= set(_strongest(seen)) <= may
+    return must <= set(strongest(sent)) <= may
 
 
-def _strongest(seen: Seen) -> tuple[str, ...]:
+def strongest(sent: Collection[Kind]) -> tuple[str, ...]:
     """The stops, or where there are none the strongest thing that was sent."""
-    stops = tuple(kind.value for kind in seen.sent if kind in (Kind.ABORT, Kind.KILL))
-    others = [kind.value for kind in STRONGEST_FIRST if kind in seen.sent]
+    stops = tuple(kind.value for kind in Kind if kind in sent and kind in (Kind.ABORT, Kind.KILL))
+    others = [kind.value for kind in STRONGEST_FIRST if kind in sent]
     return stops or tuple(others[:1]) or ("nothing",)
 
 
-def _told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
+def told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
     """Each code is told, and nothing else; that the outcome of a look with its lease is unknown may be told."""
     left = list(told)
     for code in wanted:
@@ -75,7 +81,7 @@ def _told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
 
 
 def _said(seen: Seen) -> str:
-    return f"{_end(seen)}, {' '.join(_strongest(seen))}: {' '.join(seen.told)}"
+    return f"{_end(seen)}, {' '.join(strongest(seen.sent))}: {' '.join(seen.told)}"
 
 
 def _sent_again(seen: Seen, usual: Seen) -> Iterator[str]:
@@ -93,3 +99,10 @@ def _not_mended(seen: Seen, wanted: str) -> Iterator[str]:
     expected = Activity.STOPPED if lost and "link.lost" not in wanted else seen.end
     if seen.mended is not expected:
         yield f"when it was mended: {seen.mended.value}, not {expected.value}"
+
+
+def _not_done(situation: Situation, seen: Seen, wanted: str) -> Iterator[str]:
+    """A cut is done, and its part may be measured, where it has ended as without a fault, and nowhere else."""
+    done = situation is Situation.CUTTING and wanted == right(NO_FAULT.name, situation)
+    if seen.done is not done:
+        yield "the part may be measured" if seen.done else "a cut that was made is not called done"

@@ -24,11 +24,12 @@ def _cells(rows: tuple[str, ...], *situations: Situation) -> tuple[tuple[str, Si
 
 WRONG: tuple[Wrong, ...] = (
     Wrong(
-        what="A loop that trips between the last look and control-A is closed by it again.",
+        what="A loop that trips, or that another host opens, between the last look and control-A is closed again.",
         cells=_cells(
             (
                 *(f"amplifier-fault, {axis}" for axis in ("tool", "spindle", "carriage")),
                 *("encoder-loss, spindle", "following-error-trip, spindle"),
+                *("stranger-writes, ^K", "stranger-writes, $$$"),
             ),
             STOPPING,
         ),

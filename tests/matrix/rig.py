@@ -27,16 +27,22 @@ from tests.matrix.truth import WatchedLathe, Wiretap
 
 
 @dataclass(kw_only=True)
-class Rig:
-    """`looks` are called with every look, before the station sees it."""
+class Watched:
+    """A lathe behind a wire, with heartbeat and owner. `looks` are called with every look at it."""
 
     sim: WatchedLathe
     wire: Wiretap
     lathe: Lathe
     stop: StopPath
+    looks: list[Callable[[Snapshot], None]] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class Rig(Watched):
+    """A station at it; `looks` are called before the station sees one."""
+
     station: Station
     place: Workplace
-    looks: list[Callable[[Snapshot], None]] = field(default_factory=list)
 
     @property
     def state(self) -> StationState:
@@ -66,37 +72,43 @@ def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given:
     return _PLANS[wanted]
 
 
-def build_rig(records: Path) -> Rig:
-    """Put lathe and station together as a screen has them, with a heartbeat; nothing is connected yet."""
-    loaded = compact_machine()
-    sim = WatchedLathe(loaded.machine)
+def build_watched() -> Watched:
+    """Put a lathe together as every host has it; nothing is connected yet."""
+    machine = compact_machine().machine
+    sim = WatchedLathe(machine)
     wire = Wiretap(sim.connect(), sim)
     stop, client = StopPath(wire), PmacClient(wire, sim)
-    made: list[Rig] = []
+    looks: list[Callable[[Snapshot], None]] = []
 
     def seen(snapshot: Snapshot) -> None:
-        for rig in made:
-            for look in tuple(rig.looks):
-                look(snapshot)
-            rig.station.seen(snapshot)
+        for look in tuple(looks):
+            look(snapshot)
 
-    lathe = Lathe(
-        client,
-        loaded.machine,
-        sim,
-        stop,
-        seen,
-        Heartbeat(client, sim, loaded.machine),
-        Ownership(client, Random(1)),
-    )
+    heartbeat, ownership = Heartbeat(client, sim, machine), Ownership(client, Random(1))
+    lathe = Lathe(client, machine, sim, stop, seen, heartbeat, ownership)
+    return Watched(sim=sim, wire=wire, lathe=lathe, stop=stop, looks=looks)
+
+
+def build_rig(records: Path) -> Rig:
+    """Put lathe and station together as a screen has them, with a heartbeat; nothing is connected yet."""
+    watched = build_watched()
+    looks: list[Callable[[Snapshot], None]] = []
     place = Workplace(
-        lathe=lathe,
-        owning=Owning(lathe, wire.address, records),
-        machine=loaded,
-        clock=sim,
+        lathe=watched.lathe,
+        owning=Owning(watched.lathe, watched.wire.address, records),
+        machine=compact_machine(),
+        clock=watched.sim,
         shop=None,
         records=records,
         local_time=lambda: "21 Nov 10:00",
     )
-    made.append(Rig(sim=sim, wire=wire, lathe=lathe, stop=stop, station=Station(place), place=place))
-    return made[0]
+    station = Station(place)
+
+    def seen(snapshot: Snapshot) -> None:
+        for look in tuple(looks):
+            look(snapshot)
+        station.seen(snapshot)
+
+    watched.looks.append(seen)
+    there = {name: getattr(watched, name) for name in ("sim", "wire", "lathe", "stop")}
+    return Rig(**there, looks=looks, station=station, place=place)

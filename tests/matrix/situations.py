@@ -46,10 +46,12 @@ MOVING = frozenset({Situation.JOGGING, Situation.HOMING, Situation.CUTTING})
 
 @dataclass(kw_only=True)
 class Begun:
-    """`fault` lets the fault happen, once; `at_s` is when it did."""
+    """`fault` lets the fault happen, once; `at_s` is when it did. An `early` one is there before the order."""
 
     rig: Rig
     fault: Callable[[], None]
+    early: bool = False
+    strategy: Strategy = Strategy.PVT
     at_s: float | None = None
 
     def happen(self) -> None:
@@ -65,6 +67,8 @@ def enter(situation: Situation, begun: Begun) -> None:
     _do(rig, SwitchOff())
     if situation is not Situation.OFF:
         _switch_on(rig)
+    if begun.early:
+        begun.happen()
     _ENTRIES[situation](begun)
     assert begun.at_s is not None, "the fault has not happened"
 
@@ -96,12 +100,12 @@ def _at_rest(begun: Begun) -> None:
     begun.happen()
 
 
-def _arm(rig: Rig) -> None:
-    _do(rig, Arm(job=short_job(), job_sha256="0" * 64, strategy=Strategy.PVT))
+def _arm(begun: Begun) -> None:
+    _do(begun.rig, Arm(job=short_job(), job_sha256="0" * 64, strategy=begun.strategy))
 
 
 def _armed(begun: Begun) -> None:
-    _arm(begun.rig)
+    _arm(begun)
     assert begun.rig.state.armed is not None, begun.rig.state.refusals
     begun.happen()
 
@@ -122,12 +126,12 @@ def _downloading(begun: Begun) -> None:
             begun.happen()
 
     begun.rig.wire.before = look
-    _arm(begun.rig)
+    _arm(begun)
     begun.rig.wire.before = lambda _: None
 
 
 def _cutting(begun: Begun) -> None:
-    _arm(begun.rig)
+    _arm(begun)
     _on_look(begun, lambda _: _in_the_part(begun.rig))
     _do(begun.rig, Start())
 
@@ -140,7 +144,7 @@ def _stopping(begun: Begun) -> None:
         begun.happen()
 
     begun_here = Begun(rig=rig, fault=press)
-    _arm(rig)
+    _arm(begun)
     _on_look(begun_here, lambda _: _in_the_part(rig))
     _do(rig, Start())
 

@@ -8,7 +8,7 @@ import pytest
 
 from console.session.intents import Intent, Jog, Start
 from drivers.snapshot import AxisName
-from tests.matrix.cell import JITTER, way
+from tests.matrix.checks import JITTER, way
 from tests.matrix.faults import Row
 from tests.matrix.rig import build_rig
 from tests.matrix.situations import Begun, Situation, enter
@@ -40,6 +40,14 @@ def refusals(situation: Situation, order: Intent, line: str, records: Path) -> t
         (Situation.ARMED, Start(), "I130=264", "controller.setting"),
         (Situation.ARMED, Start(), "I113=400000", "controller.setting"),
         (Situation.ARMED, Start(), "OPEN PROG 2 CLEAR X0 CLOSE", "controller.program_differs"),
+        (Situation.ARMED, Start(), "P23=5", "controller.constant_differs"),
+        (Situation.ARMED, Start(), "P11=P11+500", "controller.constant_differs"),
+        (Situation.ARMED, Start(), "P12=P12*4 P15=P15*4", "controller.constant_differs"),
+        (Situation.ARMED, Start(), "#1K", "alignment.drives_off"),
+        (Situation.ARMED, Start(), "^K", "alignment.drives_off"),
+        (Situation.ARMED, Start(), "$$$", "session.not_armed"),
+        (Situation.IDLE, JOG, "#3K", "alignment.drives_off"),
+        (Situation.IDLE, JOG, "^K", "alignment.drives_off"),
         (Situation.ARMED, Start(), "DISABLE PLC20", "heartbeat.plc_silent"),
         (Situation.IDLE, JOG, "DISABLE PLC20", "heartbeat.plc_silent"),
         (Situation.IDLE, JOG, "I5=0", "heartbeat.plcs_forbidden"),

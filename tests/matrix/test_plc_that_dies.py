@@ -14,7 +14,7 @@ from console.session.state import Activity
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.snapshot import AxisName, Snapshot
 from tests.matrix import rig as rigs
-from tests.matrix.cell import Kind, kind_of
+from tests.matrix.checks import Kind, kind_of
 from tests.matrix.faults import Row
 from tests.matrix.rig import Rig, build_rig, compact_machine, planned_once
 from tests.matrix.situations import Begun, Situation, enter

@@ -12,7 +12,7 @@ from console.session.intents import Home, Intent, Jog, Start, SwitchOff, SwitchO
 from console.session.state import Activity
 from drivers.snapshot import AxisName
 from tests.matrix import rig as rigs
-from tests.matrix.cell import Kind, kind_of
+from tests.matrix.checks import Kind, kind_of
 from tests.matrix.faults import Row
 from tests.matrix.rig import Rig, build_rig, compact_machine, planned_once
 from tests.matrix.situations import Begun, Situation, enter

@@ -111,6 +111,12 @@ _LINES = (
         "wrong-checksum", "The checksums of a reply are wrong, each by one; only with I4 = 1 it has any.", *_HIT
     ),
     _on_line("bare-bel", "A BEL without a text comes in place of a reply.", *_HIT),
+    _on_line(
+        "garbled-line",
+        "The next line of a host with a certain text in it arrives with another in its place, once.",
+        Parameter(name="find", meaning="the text; its first place in the line is meant", default="1", text=True),
+        Parameter(name="replace", meaning="what arrives in its place", default="5", text=True),
+    ),
     _on_line("cut-cable", "Every connection is cut, and none can be made before it is over."),
     _on_line(
         "hang",
@@ -180,12 +186,13 @@ _CARD = (
     ),
     Fault(
         name="stranger-writes",
-        does="Another host sends a line, reads its answer, and goes. No other host hears of it.",
+        does="Another host sends a line or a control character, reads what is answered, and goes."
+        " No other host hears of it.",
         concerns=Concerns.CARD,
         parameters=(
             Parameter(
                 name="line",
-                meaning="what it sends; without it, nine tenths of Ix30, the gain of the tool",
+                meaning="what it sends, `^A` is control-A; without it, nine tenths of Ix30, the gain of the tool",
                 text=True,
             ),
         ),

@@ -9,7 +9,7 @@ from random import Random
 from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 from drivers.simulator.faults.carrying import CARRIERS
-from drivers.simulator.faults.lines import Carrier, Chance, Lines, Spoiler
+from drivers.simulator.faults.lines import Carrier, Chance, Garbling, Lines, Spoiler
 from drivers.simulator.faults.parameter import Value
 from drivers.simulator.faults.spoiling import SPOILERS
 from drivers.simulator.faults.stranger import Card, Stranger
@@ -118,6 +118,17 @@ def _cut_cable(_: Mapping[str, Value], site: Site) -> Effect:
     return Effect(begin=begin, end=end)
 
 
+def _garbled_line(values: Mapping[str, Value], site: Site) -> Effect:
+    find, replace = (str(values[name]).encode("ascii") for name in ("find", "replace"))
+    garbling, listed = Garbling(find=find, replace=replace), site.lines.garblings
+
+    def begin() -> None:
+        if garbling not in listed:
+            listed.append(garbling)
+
+    return Effect(begin=begin, end=lambda: listed.remove(garbling), over=lambda: garbling.over)
+
+
 def _hang(_: Mapping[str, Value], site: Site) -> Effect:
     def switch(hung: bool) -> None:
         site.lines.hung = hung
@@ -214,6 +225,7 @@ def _line_of_stranger(values: Mapping[str, Value], site: Site) -> str:
 
 
 _EFFECTS: Mapping[str, Callable[[Mapping[str, Value], Site], Effect]] = {
+    "garbled-line": _garbled_line,
     "cut-cable": _cut_cable,
     "hang": _hang,
     "encoder-loss": _encoder_loss,

@@ -46,6 +46,22 @@ class Carrier:
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
+class Garbling:
+    """A fault that makes another line of the next one that has a text in it; it is `over` then."""
+
+    find: bytes
+    replace: bytes
+    over: bool = False
+
+    def of(self, line: bytes) -> bytes:
+        """Return what the card reads where a host has sent a line."""
+        if self.over or self.find not in line:
+            return line
+        self.over = True
+        return line.replace(self.find, self.replace, 1)
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
 class Lines:
     """The state of all lines.
 
@@ -62,11 +78,18 @@ class Lines:
     clearings: int = 0
     spoilers: list[Spoiler] = field(default_factory=list)
     carriers: list[Carrier] = field(default_factory=list)
+    garblings: list[Garbling] = field(default_factory=list)
 
     @property
     def silent(self) -> bool:
         """Whether the card is not to be heard, whatever is sent."""
         return self.hung or self.dead
+
+    def read(self, line: bytes) -> bytes:
+        """Return what the card reads where a host has sent a line."""
+        for garbling in self.garblings:
+            line = garbling.of(line)
+        return line
 
     def spoiled(self, reply: Reply) -> bytes:
         """Return what is left of a reply."""

@@ -10,6 +10,9 @@ from drivers.errors import LinkError
 if TYPE_CHECKING:
     from drivers.simulator.port import Port
 
+_CONTROL = re.compile(r"\^[A-Z]")
+"""A control character, as it is written: no line begins like that."""
+
 _NAMES = {0x00: "NUL", 0x02: "STX", 0x06: "ACK", 0x07: "BEL", 0x0A: "LF", 0x0D: "CR"}
 
 
@@ -39,13 +42,13 @@ class Stranger:
         self._heard = b""
 
     def write(self, line: str) -> None:
-        """Send a line."""
+        """Send a line; `^A` sends control-A, and likewise each other letter."""
         try:
             self._port = self._card.connect()
         except LinkError:
             self.told = "the stranger cannot be connected: the cable is cut"
             return
-        self._port.receive(line.encode("ascii") + b"\r")
+        self._port.receive(_as_sent(line))
         self._card.attend(self._port)
 
     def answered(self) -> bool:
@@ -66,6 +69,12 @@ class Stranger:
         if self._port is not None:
             self._card.forget(self._port)
             self._port = None
+
+
+def _as_sent(line: str) -> bytes:
+    if _CONTROL.fullmatch(line):
+        return bytes((ord(line[1]) - ord("@"),))
+    return line.encode("ascii") + b"\r"
 
 
 def _in_words(heard: bytes) -> str:

@@ -1,0 +1,184 @@
+"""What is right in each cell of the headless matrix: from the same rules, for a run that nobody sits at.
+
+A cell reads `end, sent: codes`, as in `expected.py`; the codes are those of the error that the run ends with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tests.matrix.expected import NO_ANSWER, SAME, UNKNOWN, UNTRIED
+from tests.matrix.headless import Moment
+
+REFUSED = "refused, lines"
+"""Nothing has moved, so nothing is stopped: what was sent is what is being loaded."""
+
+FAULT_A, FAULT_K = "stopped, ^A: machine.fault", "stopped, ^K: machine.fault"
+OPENED = "stopped, ^K: machine.loop_open"
+IN_PART, NO_WAY_OUT = "machine.tool_in_part", "machine.retract_not_possible"
+UNSEEN = f"{REFUSED}: {NO_ANSWER} {UNKNOWN}"
+SILENT = f"unproven, ^K: {NO_ANSWER} machine.not_at_rest machine.state_unknown"
+GONE = "unproven, ^K: link.lost machine.state_unknown"
+SETTING = "stopped, ^A: controller.setting"
+ANOTHER_PROGRAM = "stopped, ^A: controller.program_differs"
+NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
+NOT_LOADED = f"{REFUSED}: controller.constant_differs"
+OUSTED = "stopped, ^A: owner.ousted"
+NOT_STARTED = "stopped, ^K: controller.err012"
+"""The controller takes no start with a loop open; what follows must not close it."""
+
+ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
+OVERRIDE, OUTSIDE = "stopped, ^A: cut.override", "stopped, ^A: cut.outside_plan"
+RESET = "stopped, ^K: controller.was_reset"
+MOVING = "stopped, ^A: machine.moving"
+
+WITHOUT: Mapping[Moment, str] = {
+    moment: "cut, nothing" if moment is Moment.ENDED else "cut, lines" for moment in Moment
+}
+"""Once the program has ended there is only the look that proves it."""
+
+
+def _row(**cells: str) -> Mapping[Moment, str]:
+    return {moment: cells.get(moment.name, UNTRIED) for moment in Moment}
+
+
+HEADLESS: Mapping[str, Mapping[Moment, str]] = {
+    "no fault": WITHOUT,
+    "dropped-ack, once": _row(LOADING=UNSEEN, CHECKING=SAME, CUTTING=SAME),
+    "cut-cable": _row(
+        LOADING=f"{REFUSED}: link.lost {UNKNOWN} controller.buffer_may_be_open",
+        POSITIONING=GONE,
+        CUTTING=GONE,
+        ENDED=GONE,
+    ),
+    "hang": _row(
+        LOADING=f"{UNSEEN} link.not_in_step controller.buffer_may_be_open",
+        POSITIONING=SILENT,
+        CUTTING=SILENT,
+    ),
+    # Behind the end the tool is out, the part is made, and the drives go off.
+    "amplifier-fault, tool": _row(
+        LOADING="stopped, ^K: machine.not_enabled",
+        HOMING=FAULT_K,
+        POSITIONING=FAULT_K,
+        CHECKING="stopped, ^K: machine.not_enabled machine.fault",
+        STARTING=NOT_STARTED,
+        CUTTING=f"{FAULT_K} {NO_WAY_OUT}",
+        RETRACTING=FAULT_K,
+        ENDED=SAME,
+    ),
+    # An axis may stand on a limit and move off it; the other way it does not arrive.
+    "limit, carriage positive": _row(
+        LOADING="stopped, ^A: machine.not_arrived",
+        POSITIONING=FAULT_A,
+        CHECKING=FAULT_A,
+        STARTING=FAULT_A,
+        CUTTING=f"{FAULT_A} {IN_PART}",
+    ),
+    "stranger-writes, a gain": _row(
+        LOADING=f"{REFUSED}: controller.setting",
+        POSITIONING=SETTING,
+        CHECKING=SETTING,
+        STARTING=SETTING,
+        CUTTING=SETTING,
+    ),
+    # Nothing is sent to the machine of another console, but the stop of what this one has moved.
+    "stranger-writes, another owner": _row(
+        LOADING=f"{REFUSED}: owner.held",
+        HOMING=OUSTED,
+        POSITIONING=OUSTED,
+        CHECKING="refused, nothing: owner.held",
+        STARTING=OUSTED,
+        CUTTING=f"{OUSTED} {IN_PART}",
+    ),
+    "stranger-writes, a jog": _row(
+        HOMING="stopped, ^A: machine.unexpected_motion",
+        POSITIONING="stopped, ^A: machine.not_arrived or stopped, ^A: machine.jog_astray",
+        CHECKING=MOVING,
+        STARTING="stopped, ^A: controller.err001",
+        ENDED="stopped, ^A: machine.not_retracted",
+    ),
+    "stranger-writes, a jog without end": _row(POSITIONING="stopped, ^A: machine.jog_astray"),
+    "stranger-writes, a jog of the tool": _row(
+        HOMING="stopped, ^A: machine.home_ended", POSITIONING="stopped, ^A: machine.unexpected_motion"
+    ),
+    "stranger-writes, a kill of the tool": _row(
+        POSITIONING=OPENED, CHECKING="stopped, ^K: machine.not_enabled", STARTING=NOT_STARTED, CUTTING=SAME
+    ),
+    "stranger-writes, ^K": _row(
+        HOMING=OPENED,
+        POSITIONING=OPENED,
+        CHECKING="stopped, ^K: machine.not_enabled",
+        STARTING=NOT_STARTED,
+        CUTTING=f"{OPENED} {NO_WAY_OUT}",
+        RETRACTING=OPENED,
+        ENDED=SAME,
+    ),
+    "stranger-writes, ^A": _row(
+        HOMING="stopped, ^A: machine.home_ended",
+        POSITIONING="stopped, ^A: machine.not_arrived",
+        CHECKING=SAME,
+        CUTTING=f"{ENDED_BY_OTHERS} {IN_PART}",
+        RETRACTING=ENDED_BY_OTHERS,
+    ),
+    "stranger-writes, &1A": _row(CUTTING=f"{ENDED_BY_OTHERS} {IN_PART}"),
+    # What is in full motion when its segment ends runs on, into the part or out of it.
+    "stranger-writes, &1Q": _row(
+        CUTTING=" or ".join((ENDED_BY_OTHERS, f"{ENDED_BY_OTHERS} {IN_PART}", f"{OUTSIDE} {IN_PART}", OUTSIDE)),
+        RETRACTING=ENDED_BY_OTHERS,
+    ),
+    "stranger-writes, &1H": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
+    "stranger-writes, &1%0": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
+    # An override from before the start is met at the first look of the program.
+    "stranger-writes, &1%50": _row(CHECKING=OVERRIDE, CUTTING=f"{OVERRIDE} {IN_PART}"),
+    # Nothing was homed yet in the first search; where no position is known the part cannot be told from the air.
+    "stranger-writes, $$$": _row(
+        LOADING=UNSEEN,
+        HOMING=OPENED,
+        POSITIONING=RESET,
+        CHECKING="stopped, ^K: machine.not_enabled machine.not_homed machine.not_at_start",
+        STARTING=NOT_STARTED,
+        CUTTING=RESET,
+        RETRACTING=RESET,
+    ),
+    # The program takes its flag back where it begins.
+    "stranger-writes, M26=1": _row(STARTING=SAME, CUTTING="stopped, ^A: cut.ended_early cut.held_by_another"),
+    "stranger-writes, fewer turns": _row(
+        LOADING=NOT_LOADED,
+        POSITIONING=NOT_AS_PLANNED,
+        STARTING=NOT_AS_PLANNED,
+        CUTTING=f"{NOT_AS_PLANNED} {IN_PART} or stopped, ^A: cut.ended_early controller.constant_differs",
+    ),
+    "stranger-writes, a deeper cut": _row(
+        LOADING=NOT_LOADED,
+        POSITIONING=NOT_AS_PLANNED,
+        STARTING=f"{NOT_AS_PLANNED} or {OUTSIDE} {IN_PART}",
+        CUTTING=f"{OUTSIDE} {IN_PART} or {NOT_AS_PLANNED} {IN_PART}",
+        RETRACTING=NOT_AS_PLANNED,
+    ),
+    "stranger-writes, a larger lobe": _row(
+        POSITIONING=NOT_AS_PLANNED, CUTTING=f"{OUTSIDE} {IN_PART} or {NOT_AS_PLANNED} {IN_PART}"
+    ),
+    # A program that is rewritten behind the last comparison runs, and is stopped where it leaves the plan.
+    "stranger-writes, another program": _row(
+        LOADING=SAME, POSITIONING=ANOTHER_PROGRAM, CHECKING=ANOTHER_PROGRAM, STARTING=OUTSIDE, CUTTING=SAME
+    ),
+    "garbled-line, a home search": _row(HOMING="stopped, ^A: machine.unexpected_motion"),
+    "garbled-line, a jog": _row(POSITIONING="stopped, ^A: machine.jog_astray"),
+    "garbled-line, a depth": _row(LOADING=NOT_LOADED),
+    "garbled-line, an entry of a table": _row(LOADING=f"{REFUSED}: controller.table_differs"),
+}
+
+TRIED = tuple(
+    (name, moment)
+    for name, cells in HEADLESS.items()
+    for moment, said in cells.items()
+    if said != UNTRIED and (name != "no fault" or moment is Moment.CUTTING)
+)
+"""Without a fault each of them is the same part."""
+
+
+def right_of(row: str, moment: Moment) -> str:
+    """Return what is right in a cell, with what happens without a fault where that is meant."""
+    said = HEADLESS[row][moment]
+    return WITHOUT[moment] if said == SAME else said

@@ -1,0 +1,62 @@
+"""Every fault at every moment of a part that `console run` makes: how it ends, and that nothing is dangerous.
+
+What is right in each cell stands in `headless_expected.py`, and as a page in docs/fault-matrix.md.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import zip_longest
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from drivers import resting
+from drivers.cut import Strategy
+from tests.matrix.faults import NO_FAULT, ROWS
+from tests.matrix.headless import Moment, Part, make
+from tests.matrix.headless_expected import HEADLESS, TRIED, right_of
+from tests.matrix.judging import sent_fits, strongest, told_fits
+from tests.matrix.test_fault_matrix import PATIENCE_S
+
+BY_NAME = {row.name: row for row in ROWS}
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resting, "COAST_TIMEOUT_S", PATIENCE_S)
+
+
+@cache
+def lines_without_fault() -> tuple[str, ...]:
+    """The lines that move or write, of one part; found once."""
+    with TemporaryDirectory() as folder:
+        return make(NO_FAULT, Moment.ENDED, Path(folder)).lines
+
+
+def fits(wanted: str, part: Part) -> bool:
+    state, _, codes = wanted.partition(": ")
+    end, _, sent = state.partition(", ")
+    return end == part.end.value and sent_fits(sent, part.sent) and told_fits(codes.split(), part.codes)
+
+
+def sent_otherwise(part: Part) -> list[str]:
+    """What moves or writes goes out as without the fault, up to where it ends."""
+    pairs = zip_longest(part.lines, lines_without_fault()[: len(part.lines)])
+    return [f"{line} was sent, not {usual}" for line, usual in pairs if line != usual][:1]
+
+
+@pytest.mark.parametrize(("name", "moment"), TRIED, ids=[f"{name}-{moment}" for name, moment in TRIED])
+def test_a_part_with_a_fault_ends_as_it_should(name: str, moment: Moment, tmp_path: Path) -> None:
+    part = make(BY_NAME[name], moment, tmp_path)
+    wanted = right_of(name, moment)
+    said = f"{part.end}, {' '.join(strongest(part.sent))}: {' '.join(part.codes)}"
+    assert any(fits(way, part) for way in wanted.split(" or ")), f"{said}, not {wanted}"
+    assert list(part.wrong) == []
+    if BY_NAME[name].strategy is Strategy.PVT:
+        assert sent_otherwise(part) == []
+
+
+def test_each_row_is_one_of_the_screens_too_in_their_order() -> None:
+    assert list(HEADLESS) == [row.name for row in ROWS if row.name in HEADLESS]
