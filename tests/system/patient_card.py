@@ -39,9 +39,11 @@ UNTIL_S = 40.0
 
 @dataclass
 class _Words:
-    """What the console has said, with the simulated time of each piece."""
+    """What the console has said, with the simulated time of each piece; the card does not hear from `holds` on."""
 
     said: list[tuple[float, bytes]] = field(default_factory=list)
+    holds: bytes | None = None
+    held: list[Callable[[], None]] = field(default_factory=list)
 
 
 class _Heard(PlainStream):
@@ -52,8 +54,12 @@ class _Heard(PlainStream):
         self._now_s, self._words = lathe.now_s, words
 
     def receive(self, data: bytes) -> None:
-        self._words.said.append((self._now_s(), data))
-        super().receive(data)
+        words, pass_on = self._words, partial(super().receive, data)
+        words.said.append((self._now_s(), data))
+        if words.holds is not None and (words.held or words.holds in data):
+            words.held.append(pass_on)
+        else:
+            pass_on()
 
 
 class PatientCard:
@@ -126,10 +132,22 @@ class PatientCard:
 
         self._in_loop(wait(), UNTIL_S + PATIENCE_S)
 
+    def until_it_says(self, text: bytes) -> None:
+        """Let time run until the console says something, which the card does not hear before `run_on`."""
+
+        async def hold() -> None:
+            self.words.holds = text
+
+        self._in_loop(hold(), PATIENCE_S)
+        self.until(lambda: bool(self.words.held))
+
     def run_on(self) -> None:
-        """Let time run with the console again."""
+        """Let time run with the console again, and the card hear what was kept from it."""
 
         async def run() -> None:
+            self.words.holds = None
+            while self.words.held:
+                self.words.held.pop(0)()
             self.words.said.append((self.lathe.now_s(), b""))
             self._runs = True
 
