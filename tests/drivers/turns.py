@@ -14,6 +14,7 @@ class TurnLink:
     """A link whose lines wait for their turn. All that happens between two lines of one host happens at once."""
 
     stop_way = StopWay.DIRECT
+    checks_bytes = True
 
     def __init__(self, link: Link) -> None:
         self.address = link.address
