@@ -18,10 +18,10 @@ simulated lathe, with the heartbeat that a host keeps, and all that was sent and
 
 In no cell does anything move that was not ordered, nor behind the end. No line that moves or writes is sent more
 often than without the fault, and none behind a stop. No position is shown that the card did not have between
-request and reply. No amplifier is switched on for it. No exception is shown. What moves without an answer is stopped
-within a second, and a stop that is not proven goes out five times a second. When the fault is gone nothing goes on
-by itself, and a machine that was lost is found again at rest, unless its link is gone for good. A cut that ends
-otherwise than planned is not called done: its part is not measured, and nothing is learned from it.
+request and reply. No amplifier is switched on for it. No exception is shown. What moves without an answer is
+stopped within a second, and a stop that is not proven goes out five times a second. When the fault is gone nothing
+goes on by itself, and a machine that was lost is found again at rest, unless its link is gone for good. A cut that
+ends otherwise than planned is not called done: its part is not measured, and nothing is learned from it.
 
 A cell says how it ends, the strongest thing that was sent (a stop, before a line, before a renewal of the lease,
 before nothing but looks), and the alarms, or the reasons of a refusal:

@@ -61,6 +61,13 @@ class Order:
                 if process.poll() is None:
                     process.kill()
 
+    @contextmanager
+    def proven(self, address: str) -> Iterator[subprocess.Popen[str]]:
+        """Cut on a machine whose stops were proven over this very link."""
+        self.prove_stops(address)
+        with self.running(address) as process:
+            yield process
+
 
 def order(folder: Path, cut_length_mm: float) -> Order:
     """Experiment 1 of the paper, with another length of cut, on a lathe that somebody has signed for."""

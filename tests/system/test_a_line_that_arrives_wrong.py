@@ -87,14 +87,12 @@ def bad_cable(card: PatientCard) -> Iterator[BadCable]:
 
 @pytest.fixture
 def made(tmp_path: Path) -> Order:
-    made = order(tmp_path, 0.5)
-    made.prove_stops()
-    return made
+    return order(tmp_path, 0.5)
 
 
 def test_a_digit_too_many_in_a_jog_ends_the_run_and_moves_nothing(made: Order) -> None:
     with patient_card(SimulatedLathe(made.machine)) as card, bad_cable(card) as cable:
-        with made.running(cable.address) as process:
+        with made.proven(cable.address) as process:
             _, told = process.communicate(timeout=TIMEOUT_S)
         assert process.returncode == 1
         motors = card.lathe.controller.motors

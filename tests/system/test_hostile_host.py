@@ -67,9 +67,7 @@ def order(tmp_path_factory: pytest.TempPathFactory) -> Order:
         assert found == 1, key
     job.write_text(text, encoding="utf-8")
     machine.write_text(signed(compact_text("pmac")).replace('"lee-2001-lathe"', f'"{MACHINE}"'), encoding="utf-8")
-    made = OwnOrder(job_file=job, machine_file=machine, data=data)
-    made.prove_stops()
-    return made
+    return OwnOrder(job_file=job, machine_file=machine, data=data)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +128,7 @@ def stranger(address: str) -> Iterator[socket.socket]:
 def opened(order: Order, through: Callable[[str], str] = str) -> Iterator[Shed]:
     lathe = SimulatedLathe(order.machine)
     lathe.mount(order.job)
-    with patient_card(lathe) as card, order.running(through(card.console)) as process:
+    with patient_card(lathe) as card, order.proven(through(card.console)) as process:
         yield Shed(card=card, order=order, process=process)
 
 

@@ -37,9 +37,13 @@ STOPS = re.compile(rb"[\x01\x0b]")
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Order:
-    made = order(tmp_path_factory.mktemp("beside"), 4.0)
-    made.prove_stops()
-    return made
+    return order(tmp_path_factory.mktemp("beside"), 4.0)
+
+
+def proven(made: Order, address: str) -> list[str]:
+    """The words of a run on a machine whose stops were proven over this link."""
+    made.prove_stops(address)
+    return made.command(address, "--yes")[3:]
 
 
 @pytest.fixture
@@ -103,7 +107,7 @@ def test_a_run_that_ends_before_it_has_the_machine_stops_nobody(
     lathe: SimulatedLathe, made: Order, phase: str, number: signal.Signals
 ) -> None:
     turned_by_another(lathe)
-    with patient_card(lathe) as card, console(*made.command(card.console, "--yes")[3:]) as process:
+    with patient_card(lathe) as card, console(*proven(made, card.console)) as process:
         assert process.stderr is not None
         process.stderr.readline()  # what the cut rests on: the signals are in hand by then
         if PHASES[phase]:
@@ -116,7 +120,7 @@ def test_a_run_that_ends_before_it_has_the_machine_stops_nobody(
 
 def test_a_run_that_is_refused_stops_nobody_either(lathe: SimulatedLathe, made: Order) -> None:
     turned_by_another(lathe)
-    with patient_card(lathe) as card, console(*made.command(card.console, "--yes")[3:]) as process:
+    with patient_card(lathe) as card, console(*proven(made, card.console)) as process:
         _out, err = process.communicate(timeout=ENDS_WITHIN_S)
         assert (process.returncode, f"number {ANOTHER}" in err) == (1, True)
         assert STOPS.search(heard(card)) is None
@@ -140,7 +144,7 @@ def test_an_identification_that_ends_before_it_has_the_machine_stops_nobody(
 def test_a_signal_in_the_middle_of_the_claim_is_a_stop_as_soon_as_it_is_answered(
     lathe: SimulatedLathe, made: Order
 ) -> None:
-    with patient_card(lathe) as card, console(*made.command(card.console, "--yes")[3:]) as process:
+    with patient_card(lathe) as card, console(*proven(made, card.console)) as process:
         card.until_it_says(b"P1000=")
         err = ended(card, process, signal.SIGTERM)
         assert "stopped (SIGTERM); the machine is at rest" in err
@@ -149,7 +153,7 @@ def test_a_signal_in_the_middle_of_the_claim_is_a_stop_as_soon_as_it_is_answered
 
 
 def test_a_run_that_has_the_machine_stops_what_it_moves(lathe: SimulatedLathe, made: Order) -> None:
-    with patient_card(lathe) as card, console(*made.command(card.console, "--yes")[3:]) as process:
+    with patient_card(lathe) as card, console(*proven(made, card.console)) as process:
         card.until(lambda: lathe.controller.motors[CARRIAGE].jogging)
         err = ended(card, process, signal.SIGTERM)
         assert "stopped (SIGTERM); the machine is at rest" in err

@@ -26,9 +26,8 @@ def stops(card: PatientCard) -> int:
 
 def test_it_is_said_at_once_what_is_tried_and_a_sigterm_ends_it_in_time(tmp_path: Path) -> None:
     made = order(tmp_path, 4.0)
-    made.prove_stops()
     lathe = SimulatedLathe(made.machine)
-    with patient_card(lathe) as card, made.running(card.console) as process:
+    with patient_card(lathe) as card, made.proven(card.console) as process:
         assert process.stderr is not None
         card.until(lambda: lathe.controller.systems[1].running)
         with card.hanging():
