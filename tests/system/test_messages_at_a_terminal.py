@@ -33,21 +33,21 @@ def test_a_refusal_and_a_stop_that_failed_are_on_the_screen_in_full(tmp_path: Pa
     first, *others = (one_word(text.problem(Problem(code=code))) for code in MISSING)
     with console(tmp_path, "ko", 80, 24) as terminal:
         trainee = console_at(terminal, "ko")
-        terminal.press("5", "f5")
+        trainee.press("5", "f5")
         more = f"+{len(others)} {text('frame.all')}"
         terminal.wait_for(lambda _: more in terminal.row(1), 10.0)
         answer = f"{terminal.row(1).replace(more, '')}{terminal.row(2)}"
         assert one_word(answer) == f"–{first}"
-        terminal.press("w")
+        trainee.press("w")
         terminal.wait_for(lambda shown: all(each in one_word(shown) for each in (first, *others)), 5.0)
-        terminal.press("pagedown", "pagedown", "pagedown")
+        trainee.press("pagedown", "pagedown", "pagedown")
         trainee.sees("messages.close", 5.0)
-        terminal.press("w")
+        trainee.press("w")
         trainee.sees("run_page.checks", 5.0)
 
         os.kill(simulator_of(terminal), signal.SIGKILL)
         trainee.sees("activity.lost")
-        terminal.press("space")
+        trainee.press("space")
         failed = one_word(f"{text('frame.stop')} {text('frame.not_delivered')}")
         terminal.wait_for(lambda _: one_word(terminal.row(-2)) == failed, 5.0)
         assert one_word(text("run_page.lost.remedy")) in one_word(terminal.text.replace("│", ""))

@@ -28,7 +28,7 @@ def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
         trainee = Trainee(terminal, language)
         terminal.wait_for("SIM", 10.0)
         trainee.opens_the_first_job()
-        terminal.press("5", "f8")
+        trainee.press("5", "f8")
         trainee.sees("problem.machine.tool_unknown")
         trainee.aligns()
         trainee.starts_the_cut()
@@ -45,12 +45,12 @@ def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
         terminal.wait_for(RONT)
         assert ront_after_um(terminal.text) < 1.0
         assert "SIM" in terminal.row(0)
-        terminal.press("4")
+        trainee.press("4")
         terminal.wait_for("✓ 5.*\n.*✓ 6", 5.0)
         opens_the_other_job(trainee)
-        terminal.press("4")
+        trainee.press("4")
         terminal.wait_for("○ 5.*\n.*○ 6", 5.0)
-        terminal.press("ctrl+q")
+        trainee.press("ctrl+q")
         assert terminal.wait_exit(15.0) == 0
         terminal.wait_alone(5.0)
 
@@ -69,15 +69,15 @@ def makes_a_job_for_another_chuck(data: Path) -> None:
 def opens_the_other_job(trainee: Trainee) -> None:
     """Down the list to it, and Enter."""
     terminal = trainee.terminal
-    terminal.press("1")
+    trainee.press("1")
     terminal.wait_for(OTHER_JOB, 5.0)
     for _ in range(20):
         if re.search(rf"▸ *{OTHER_JOB}", terminal.text):
             break
         before = terminal.text
-        terminal.press("down")
+        trainee.press("down")
         terminal.wait_for(functools.partial(operator.ne, before), 5.0)
-    terminal.press("enter")
+    trainee.press("enter")
     terminal.wait_for(OTHER_JOB, 5.0)
 
 
