@@ -7,11 +7,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from signal import SIGINT
 from typing import cast
 
-from console.session.machine_run import leave
+from console.session.errors import Interrupted
+from console.session.machine_run import guard, leave
 from console.session.owning import Owning
 from console.session.sequence import Shop, Step, cut_part
+from console.session.signals import Interruption
 from drivers.cut import CutPlan
 from drivers.errors import DriverError
 from drivers.snapshot import AxisName, Snapshot
@@ -41,9 +44,14 @@ RELAXED = 3.0
 """How many times the jitter an axis may go when its drive is switched off, and friction lets it."""
 
 
+INTERRUPT = Row(name="an interrupt", fault="")
+"""Somebody presses Ctrl-C where the command was given: no fault of the machine."""
+
+
 class Moment(StrEnum):
     """Where a part is when the fault comes."""
 
+    CLAIMING = "claiming"
     LOADING = "loading"
     HOMING = "homing"
     POSITIONING = "positioning"
@@ -58,12 +66,16 @@ MOVING = frozenset({Moment.HOMING, Moment.POSITIONING, Moment.CUTTING, Moment.RE
 
 
 class End(StrEnum):
-    """How it ends: a part; nothing has moved; stopped, and proven to rest; stopped, and nobody knows."""
+    """How it ends: a part; nothing has moved, twice; stopped, and proven to rest; stopped, and nobody knows."""
 
     CUT = "cut"
     REFUSED = "refused"
+    INTERRUPTED = "interrupted"
     STOPPED = "stopped"
     UNPROVEN = "unproven"
+
+
+UNTOUCHED = (End.REFUSED, End.INTERRUPTED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +103,8 @@ class Made:
         self.owning = Owning(lathe, wire.address, records)
         self.watched.looks += [self._look, lambda seen: self.wrong.extend(misread(self.watched, seen))]
         wire.before = self._line
+        self._interruption = Interruption()
+        guard(self._interruption, lathe, self.watched.sim.now_s)
 
     def cut(self) -> tuple[End, tuple[str, ...]]:
         """Make it; return how it has ended, and why."""
@@ -111,12 +125,16 @@ class Made:
             if watched.stop.reason is None:
                 return End.REFUSED, codes
             return End.UNPROVEN if "machine.state_unknown" in codes else End.STOPPED, codes
+        except Interrupted:
+            return End.INTERRUPTED, ()
         return End.CUT, ()
 
     def _happen(self) -> None:
         if self.at_s is None:
             self.at_s = self.watched.sim.now_s()
             self._row.inject(self.watched.sim)
+            if self._row is INTERRUPT:
+                self._interruption.end(SIGINT.name)
 
     def _measure(self) -> Trace:
         self.measured = True
@@ -128,7 +146,8 @@ class Made:
             self._happen()
 
     def _line(self, sent: Sent) -> None:
-        if self._moment is Moment.LOADING and sent.line.startswith("PVT"):
+        path = self._moment is Moment.LOADING and sent.line.startswith("PVT")
+        if path or self._moment is Moment.CLAIMING:
             self._happen()
 
     def _look(self, seen: Snapshot) -> None:
@@ -172,13 +191,13 @@ def make(row: Row, moment: Moment, records: Path) -> Part:
     everything = tuple(watched.wire.sent)
     sent = [piece for piece in everything if piece.at_s >= made.at_s]
     lost = end is End.UNPROVEN
-    wrong = [*made.wrong, *restless(watched, row, lost=lost, idle=end in (End.CUT, End.REFUSED))]
+    wrong = [*made.wrong, *restless(watched, row, lost=lost, idle=end in (End.CUT, *UNTOUCHED))]
     wrong += after_stop(everything)
     wrong += slow_to_repeat(sent, lost=lost)
     switched_on = any(piece.line.endswith("J/") for piece in sent)  # by this run, behind the fault
-    if end is End.REFUSED or not switched_on:
+    if end in UNTOUCHED or not switched_on:
         wrong += energised(watched, made.at_s, row)
-    if end is End.REFUSED:
+    if end in UNTOUCHED:
         wrong += unasked(watched.sim.since(made.at_s), row.moves)
     if moment in MOVING and NO_ANSWER & set(codes):
         wrong += slow_to_stop(sent, made.at_s)

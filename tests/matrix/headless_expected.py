@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tests.matrix.expected import NO_ANSWER, SAME, UNKNOWN, UNTRIED
-from tests.matrix.headless import Moment
+from tests.matrix.headless import INTERRUPT, Moment
 
 REFUSED = "refused, lines"
 """Nothing has moved, so nothing is stopped: what was sent is what is being loaded."""
@@ -16,6 +16,9 @@ REFUSED = "refused, lines"
 FAULT_A, FAULT_K = "stopped, ^A: machine.fault", "stopped, ^K: machine.fault"
 OPENED = "stopped, ^K: machine.loop_open"
 IN_PART, NO_WAY_OUT = "machine.tool_in_part", "machine.retract_not_possible"
+TOOL_UNKNOWN = "machine.tool_unknown"
+"""The tool has no zero: it is being searched, or it was lost. Where the tool stands is not guessed."""
+
 UNSEEN = f"{REFUSED}: {NO_ANSWER} {UNKNOWN}"
 SILENT = f"unproven, ^K: {NO_ANSWER} machine.not_at_rest machine.state_unknown"
 GONE = "unproven, ^K: link.lost machine.state_unknown"
@@ -29,7 +32,8 @@ NOT_STARTED = "stopped, ^K: controller.err012"
 
 ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
 OVERRIDE, OUTSIDE = "stopped, ^A: cut.override", "stopped, ^A: cut.outside_plan"
-RESET = "stopped, ^K: controller.was_reset"
+RESET = f"stopped, ^K: controller.was_reset {TOOL_UNKNOWN}"
+INTERRUPTED = "stopped, ^A: machine.stopped"
 MOVING = "stopped, ^A: machine.moving"
 
 WITHOUT: Mapping[Moment, str] = {
@@ -58,8 +62,8 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     ),
     # Behind the end the tool is out, the part is made, and the drives go off.
     "amplifier-fault, tool": _row(
-        LOADING="stopped, ^K: machine.not_enabled",
-        HOMING=FAULT_K,
+        LOADING=f"stopped, ^K: machine.not_enabled {TOOL_UNKNOWN}",
+        HOMING=f"{FAULT_K} {TOOL_UNKNOWN}",
         POSITIONING=FAULT_K,
         CHECKING="stopped, ^K: machine.not_enabled machine.fault",
         STARTING=NOT_STARTED,
@@ -85,14 +89,14 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     # Nothing is sent to the machine of another console, but the stop of what this one has moved.
     "stranger-writes, another owner": _row(
         LOADING=f"{REFUSED}: owner.held",
-        HOMING=OUSTED,
+        HOMING=f"{OUSTED} {TOOL_UNKNOWN}",
         POSITIONING=OUSTED,
         CHECKING="refused, nothing: owner.held",
         STARTING=OUSTED,
         CUTTING=f"{OUSTED} {IN_PART}",
     ),
     "stranger-writes, a jog": _row(
-        HOMING="stopped, ^A: machine.unexpected_motion",
+        HOMING=f"stopped, ^A: machine.unexpected_motion {TOOL_UNKNOWN}",
         POSITIONING="stopped, ^A: machine.not_arrived or stopped, ^A: machine.jog_astray",
         CHECKING=MOVING,
         STARTING="stopped, ^A: controller.err001",
@@ -100,13 +104,14 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     ),
     "stranger-writes, a jog without end": _row(POSITIONING="stopped, ^A: machine.jog_astray"),
     "stranger-writes, a jog of the tool": _row(
-        HOMING="stopped, ^A: machine.home_ended", POSITIONING="stopped, ^A: machine.unexpected_motion"
+        HOMING=f"stopped, ^A: machine.home_ended {TOOL_UNKNOWN}",
+        POSITIONING="stopped, ^A: machine.unexpected_motion",
     ),
     "stranger-writes, a kill of the tool": _row(
         POSITIONING=OPENED, CHECKING="stopped, ^K: machine.not_enabled", STARTING=NOT_STARTED, CUTTING=SAME
     ),
     "stranger-writes, ^K": _row(
-        HOMING=OPENED,
+        HOMING=f"{OPENED} {TOOL_UNKNOWN}",
         POSITIONING=OPENED,
         CHECKING="stopped, ^K: machine.not_enabled",
         STARTING=NOT_STARTED,
@@ -115,7 +120,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         ENDED=SAME,
     ),
     "stranger-writes, ^A": _row(
-        HOMING="stopped, ^A: machine.home_ended",
+        HOMING=f"stopped, ^A: machine.home_ended {TOOL_UNKNOWN}",
         POSITIONING="stopped, ^A: machine.not_arrived",
         CHECKING=SAME,
         CUTTING=f"{ENDED_BY_OTHERS} {IN_PART}",
@@ -131,13 +136,13 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     "stranger-writes, &1%0": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
     # An override from before the start is met at the first look of the program.
     "stranger-writes, &1%50": _row(CHECKING=OVERRIDE, CUTTING=f"{OVERRIDE} {IN_PART}"),
-    # Nothing was homed yet in the first search; where no position is known the part cannot be told from the air.
+    # In the first search nothing was homed yet, and no position is lost.
     "stranger-writes, $$$": _row(
         LOADING=UNSEEN,
-        HOMING=OPENED,
+        HOMING=f"{OPENED} {TOOL_UNKNOWN}",
         POSITIONING=RESET,
-        CHECKING="stopped, ^K: machine.not_enabled machine.not_homed machine.not_at_start",
-        STARTING=NOT_STARTED,
+        CHECKING="stopped, ^K: machine.not_enabled machine.not_homed machine.not_at_start machine.tool_unknown",
+        STARTING=f"{NOT_STARTED} {TOOL_UNKNOWN}",
         CUTTING=RESET,
         RETRACTING=RESET,
     ),
@@ -163,11 +168,25 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     "stranger-writes, another program": _row(
         LOADING=SAME, POSITIONING=ANOTHER_PROGRAM, CHECKING=ANOTHER_PROGRAM, STARTING=OUTSIDE, CUTTING=SAME
     ),
-    "garbled-line, a home search": _row(HOMING="stopped, ^A: machine.unexpected_motion"),
+    "garbled-line, a home search": _row(HOMING=f"stopped, ^A: machine.unexpected_motion {TOOL_UNKNOWN}"),
     "garbled-line, a jog": _row(POSITIONING="stopped, ^A: machine.jog_astray"),
     "garbled-line, a depth": _row(LOADING=NOT_LOADED),
     "garbled-line, an entry of a table": _row(LOADING=f"{REFUSED}: controller.table_differs"),
+    # Nobody is to be stopped by who does not have the machine. A stop while the drives are off is a kill.
+    INTERRUPT.name: _row(
+        CLAIMING="interrupted, nothing",
+        LOADING="stopped, ^K: machine.stopped machine.tool_unknown",
+        HOMING=f"{INTERRUPTED} {TOOL_UNKNOWN}",
+        POSITIONING=INTERRUPTED,
+        CUTTING=f"{INTERRUPTED} {IN_PART}",
+        ENDED=INTERRUPTED,
+    ),
 }
+
+KNOWN: Mapping[tuple[str, Moment], str] = {
+    (INTERRUPT.name, Moment.LOADING): "A download that is interrupted is sent to its end; nothing moves by it.",
+}
+"""What is not yet as it should be, and where. A cell that has become right must leave."""
 
 TRIED = tuple(
     (name, moment)

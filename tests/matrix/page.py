@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from tests.matrix.expected import SAME, TABLE, UNTRIED
 from tests.matrix.headless import Moment
 from tests.matrix.headless_expected import HEADLESS
+from tests.matrix.headless_expected import KNOWN as HEADLESS_KNOWN
 from tests.matrix.known import KNOWN, WRONG
 from tests.matrix.situations import Situation
 
@@ -18,7 +19,7 @@ simulated lathe, with the heartbeat that a host keeps, and all that was sent and
 
 In no cell does anything move that was not ordered, nor behind the end. No line that moves or writes is sent more
 often than without the fault, and none behind a stop. No position is shown that the card did not have between
-request and reply. No amplifier is switched on for it. No exception is shown. What moves without an answer is
+request and reply. Nothing switches an amplifier on. No exception is shown. What moves without an answer is
 stopped within a second, and a stop that is not proven goes out five times a second. When the fault is gone nothing
 goes on by itself, and a machine that was lost is found again at rest, unless its link is gone for good. A cut that
 ends otherwise than planned is not called done: its part is not measured, and nothing is learned from it.
@@ -46,15 +47,16 @@ Space, and the fault comes at that moment.
 _HEADLESS = """
 ## A part that nobody sits at
 
-`console run` loads the program and reads it back, switches the drives on and homes, goes to the start, compares
-everything once more (*checking*), starts, cuts, takes the tool out, and looks whether all is at rest and the tool
-clear (*ended*). The fault comes in the middle of it, of *loading* with the first line of the path, of *homing* in
-the search of the tool, of *positioning* with the carriage on its way; *starting* is behind the last comparison.
+`console run` claims the machine, loads the program and reads it back, switches the drives on and homes, goes to
+the start, compares everything once more (*checking*), starts, cuts, takes the tool out, and looks whether all is at
+rest and the tool clear (*ended*). The fault comes in the middle of it: of *claiming* with the first line that is
+sent, of *loading* with the first line of the path, of *homing* in the search of the tool, of *positioning* with the
+carriage on its way; *starting* is behind the last comparison.
 
-It ends with a part, or with an error: **refused**, nothing has moved, or the machine is another's; **stopped**,
-rest is proven, and the error says whether the tool is in the part and can be taken out; **unproven**, the machine
-may move until its lease ends it. Only a part that is made is measured. What was sent and what has moved is judged
-as above, also while the machine is left behind with its drives off.
+It ends with a part, or with an error: **refused** or **interrupted**, nothing has moved, or the machine is
+another's; **stopped**, rest is proven, and the error says whether the tool is in the part and can be taken out;
+**unproven**, the machine may move until its lease ends it. Only a part that is made is measured. What was sent and
+what has moved is judged as above, also while the machine is left behind with its drives off.
 
 """
 
@@ -78,7 +80,9 @@ _LIMITS = """
 
 def page() -> str:
     """Return the page."""
-    return "".join((_HEAD, *_table(), *_wrong(), _HEADLESS, *_headless(), _LIMITS))
+    return "".join(
+        (_HEAD, *_table(), *_not_yet([wrong.what for wrong in WRONG]), _HEADLESS, *_headless(), _LIMITS)
+    )
 
 
 def _table() -> Iterator[str]:
@@ -93,7 +97,9 @@ def _headless() -> Iterator[str]:
     yield _row("fault", *(moment.value for moment in Moment))
     yield _row(*("---",) * (len(Moment) + 1))
     for name, cells in HEADLESS.items():
-        yield _row(name if name == "no fault" else f"`{name}`", *map(_ways, cells.values()))
+        said = (_ways(cell) + _mark(HEADLESS_KNOWN, name, moment) for moment, cell in cells.items())
+        yield _row(name if name == "no fault" else f"`{name}`", *said)
+    yield from _not_yet(HEADLESS_KNOWN.values())
 
 
 def _row(*cells: str) -> str:
@@ -101,7 +107,11 @@ def _row(*cells: str) -> str:
 
 
 def _cell(row: str, situation: Situation, said: str) -> str:
-    return _ways(said) + (" \\*" if (row, situation) in KNOWN else "")
+    return _ways(said) + _mark(KNOWN, row, situation)
+
+
+def _mark(known: Collection[tuple[str, Situation]] | Collection[tuple[str, Moment]], row: str, column: str) -> str:
+    return " \\*" if (row, column) in known else ""
 
 
 def _ways(said: str) -> str:
@@ -121,9 +131,9 @@ def _code(code: str) -> str:
     return "*no answer*" if "/" in code else f"`{code}`"
 
 
-def _wrong() -> Iterator[str]:
-    if not WRONG:
+def _not_yet(wrong: Collection[str]) -> Iterator[str]:
+    if not wrong:
         return
     yield "\n### Not yet so\n\nIn the cells with an asterisk it is not yet as the table says:\n\n"
-    for wrong in WRONG:
-        yield f"- {wrong.what}\n"
+    for what in wrong:
+        yield f"- {what}\n"
