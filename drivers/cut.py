@@ -153,6 +153,7 @@ def _judged(
         table=made.table,
         correction_register=made.correction_register,
         zero_row_z=made.zero_row_z,
+        trimmed=planning.trimmed,
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.cutting.plan import CutPlan, Strategy
+from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
 from drivers.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -103,7 +104,9 @@ class PathSeen:
             value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
             yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
             return
-        limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um)))
+        # A trim within the cut goes from none to at most its largest wave, and may turn about.
+        trim_um = 2.0 * MOST_TRIM_UM if plan.trimmed else 0.0
+        limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um))) + trim_um
         if left_um.max() > limit_um:
             value, limit = f"{left_um.max():.1f} um", f"{limit_um:.1f} um"
             yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)

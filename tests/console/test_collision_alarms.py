@@ -14,6 +14,7 @@ from console.session.collisions import collision_problems
 from console.session.intents import Acknowledge, ConfirmClamping, Start, SwitchOff
 from console.session.state import Activity, StationState
 from console.text.catalogue import load
+from drivers.errors import RefusedError
 from drivers.pmac.client import PmacClient
 from drivers.simulator.plant.collision import CollisionKind
 from drivers.snapshot import AxisName
@@ -76,6 +77,9 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
     plunge(aligned)
     for _ in aligned.state.alarms:
         assert aligned.station.post(Acknowledge())
+    with pytest.raises(RefusedError) as moved:  # another client has moved the axes
+        aligned.lathe.jog_to(AxisName.TOOL, 0.0)
+    assert moved.value.problems[0].code == "controller.home_lost"
     aligned.lathe.jog_to(AxisName.TOOL, 0.0)
     aligned.do(SwitchOff())
     assert told(aligned.do(ConfirmClamping(job=experiment_1(8.0)))) == {}

@@ -48,10 +48,10 @@ _HEADLESS = """
 ## A part that nobody sits at
 
 `console run` claims the machine, loads the program and reads it back, switches the drives on and homes, goes to
-the start, compares everything once more (*checking*), starts, cuts, takes the tool out, and looks whether all is at
-rest and the tool clear (*ended*). The fault comes in the middle of it: of *claiming* with the first line that is
-sent, of *loading* with the first line of the path, of *homing* in the search of the tool, of *positioning* with the
-carriage on its way; *starting* is behind the last comparison.
+the start, compares everything once more (*checking*), starts, cuts, takes the tool out, and looks whether all is
+at rest and the tool clear (*ended*). The fault comes in the middle of it: of *claiming* with the first line that
+is sent, of *loading* with the first line of the path, of *homing* in the search of the tool, of *positioning* with
+the carriage on its way; *starting* is behind the last comparison.
 
 It ends with a part, or with an error: **refused** or **interrupted**, nothing has moved, or the machine is
 another's; **stopped**, rest is proven, and the error says whether the tool is in the part and can be taken out;
