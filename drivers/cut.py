@@ -55,6 +55,7 @@ class _Planning:
     command: LobedPath | None = None
     response: ServoResponse | None = None
     trimmed: bool = False
+    in_air: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +115,7 @@ def plan_cut(
         command=None if path is None else path.command,
         response=response,
         trimmed=trimmed,
+        in_air=air_mm > 0.0,
     )
     made = _make(planning, strategy, ts_ms)
     program = _read(made.text, planning.dialect)
@@ -154,6 +156,7 @@ def _judged(
         correction_register=made.correction_register,
         zero_row_z=made.zero_row_z,
         trimmed=planning.trimmed,
+        in_air=planning.in_air,
     )
 
 

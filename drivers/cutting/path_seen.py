@@ -75,7 +75,7 @@ class PathSeen:
         rows = np.array(self._rows).reshape(-1, 5)
         if len(rows):
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
-        if len(rows) < LEAST_POLLS:
+        if len(rows) < LEAST_POLLS or self._plan.in_air:  # what is learned in air is not called a part
             return
         turns = rows[:, 2] / self._machine.spindle.counts_per_rev
         yield from self._carriage(turns, rows[:, 3])

@@ -39,7 +39,8 @@ class CutPlan:
     the card what the machine profile says, once the cut is over and everything is at rest, however it ended.
     `table` is the compensation table that the program switches on. Before it is loaded, and once it has ended,
     `drivers.cutting.table_state` has nothing to say. After a stop the tool goes out, the carriage to `zero_row_z`
-    (counts), and there the table is switched off. A cut that is `trimmed` is moved by the host while it cuts.
+    (counts), and there the table is switched off. A cut that is `trimmed` is moved by the host while it cuts,
+    one `in_air` meets no part.
     """
 
     strategy: Strategy
@@ -59,6 +60,7 @@ class CutPlan:
     correction_register: str = ""
     zero_row_z: float | None = None
     trimmed: bool = False
+    in_air: bool = False
 
     @property
     def spindle_start(self) -> float:
