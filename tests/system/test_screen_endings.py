@@ -170,7 +170,7 @@ def test_a_console_that_was_suspended_goes_on_with_all_its_keys(tmp_path: Path) 
         for _ in range(10):
             trainee.press("pagedown", "4")
             trainee.sees("align_page.next.clamp")
-            trainee.press("2")
+            terminal.press("2")
             trainee.sees("setup.next.ready")
         terminal.press("ctrl+q")
         assert terminal.wait_exit(15.0) == 0
