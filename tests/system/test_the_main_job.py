@@ -19,7 +19,6 @@ OTHER_JOB = "two-jaws-60"
 pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]
 
 
-@pytest.mark.xfail(strict=False, reason="the pace of keys at a loaded terminal: not steady yet")
 @pytest.mark.parametrize(("language", "columns", "rows"), [("en", 80, 24), ("ko", 100, 30)])
 def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
     language: str, columns: int, rows: int, tmp_path: Path
