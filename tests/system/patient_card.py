@@ -113,8 +113,8 @@ class PatientCard:
         lease = lease_timer(card.dialect).name
         guarded = card.variables.get(VariableKind.P, ACTIVITY) != Activity.NOTHING
         measured = card.variables.get(VariableKind.M, int(lease[1:])) > 0 and not guarded
-        # The host knows how long an axis takes to come to rest behind the trigger of its zero, and a hurried step of
-        # time may have all of that in it.
+        # The host knows how long an axis takes to come to rest behind the trigger of its zero, and a hurried step
+        # of time may have all of that in it.
         homing = any(each._jog.homing for each in card.motors.values())
         return 1.0 if measured or homing or card.systems[1].running else HURRY
 
