@@ -100,6 +100,8 @@ def end_problems(plan: CutPlan, end: ProgramEnd, length: CutLength, *, held: boo
     short = end.turns != planned or length.problem is not None
     if end.finished and (held or not short):
         return ()
+    if not end.finished and not end.stopped_by and length.problem is None:
+        return (Problem(code="cut.disturbed"),)
     early = Problem(code="cut.ended_early", value=f"{end.turns:g}", limit=f"{planned}")
     return (early, *_reason(end, length, held=held))
 

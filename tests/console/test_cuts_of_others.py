@@ -102,6 +102,15 @@ def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
     assert (tmp_path / FILE_NAME).exists()
 
 
+@pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.PVT])
+@pytest.mark.parametrize("line", ["P25=P25+2", "P25=P25-2"])
+def test_a_program_that_goes_on_elsewhere_is_not_called_done(floor: Floor, strategy: Strategy, line: str) -> None:
+    """Two segments are little enough that no axis trips and no poll need see it."""
+    state, _ = cut_with(floor, line, strategy)
+    assert not state.cut_done and told(state) != []
+    assert state.activity is Activity.STOPPED
+
+
 def test_a_cut_with_fewer_turns_than_planned_is_ended_early(floor: Floor) -> None:
     """Found at the end, should the few turns be over before the constant is read."""
     state, _ = cut_with(floor, "P23=11")

@@ -119,7 +119,7 @@ def test_up_and_down_go_through_all_of_it_and_no_further() -> None:
         numbers |= {int(found[1]) for row in rows if (found := re.match(r"│ *(\d+) ", row))}
     assert numbers == set(range(1, len(text_of(Strategy.PAPER).splitlines()) + 1))
     last = shown("preview.program", *["preview.down"] * 9)
-    assert "rows 29-44 of 44" in last
+    assert "rows 30-45 of 45" in last
     assert shown("preview.program", *["preview.down"] * 9, "preview.up") != last
     assert shown("preview.program", *["preview.down"] * 3, *["preview.up"] * 9) == shown("preview.program")
 

@@ -167,7 +167,7 @@ DWELL0
 
 _CUT = """\
 PVT{segment}
-P25=0
+P25=0 P45=0
 P30=0 ; turns begun
 P31=0 ; the segment in which the present turn ends
 WHILE(P25<P31 OR {go_on} AND P30<P23)
@@ -175,7 +175,7 @@ IF(P25!<P31)
 P30=P30+1
 P31=P30*P32-0.5
 ENDIF
-P25=P25+1
+P25=P25+1 P45=P45+1
 X(P11):0{y} Z(P21+P18*P25):(P19)
 ENDWHILE
 P43=P30 ; turns of the cut
@@ -196,7 +196,7 @@ P34=P34+1
 DWELL{look}
 ENDWHILE
 IF({register}=0) I51=0 ; the table is off; what the register holds would stay added
-P44=1
+IF(P45=P25) P44=1
 ENDIF
 CLOSE
 """

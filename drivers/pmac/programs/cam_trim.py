@@ -68,7 +68,7 @@ P15={slope} ; greatest speed of a wave of one count, counts/s
 
 TRIMMED_CUT = """\
 PVT{segment}
-P25=0
+P25=0 P45=0
 P30=0 ; turns begun
 P31=0 ; the segment in which the present turn ends
 P36=0 ; cosine and sine of the wave in effect
@@ -80,7 +80,7 @@ IF(P25!<P31)
 P30=P30+1
 P31=P30*P32-0.5
 ENDIF
-P25=P25+1
+P25=P25+1 P45=P45+1
 P41=P14+P13*P25
 IF(P39*P39+P40*P40>{most}) ; no cutting force asks for so much: it stays as it is
 P39=P36
@@ -98,7 +98,7 @@ IF(P30>0) P33=P19
 P34={out_segments} ; the tool goes out, the carriage comes to rest
 WHILE(P34>0)
 P34=P34-1
-P25=P25+1
+P25=P25+1 P45=P45+1
 P41=P14+P13*P25
 P27=P34/{out_segments} ; from 1 to 0
 P38=P27*P27*(3-2*P27) ; what is left of the path

@@ -12,9 +12,9 @@ SPINDLE_STEP = " Y(P28+P16*P25):(P17)"
 
 LOBE_PATH = """\
 PVT{segment} ; the amplitude grows
-P25=0
+P25=0 P45=0
 WHILE(P25<P24)
-P25=P25+1
+P25=P25+1 P45=P45+1
 P26=P25/P24
 P27=P14+P13*P25
 X(P11+P12*P26*COS(P27)):(-P15*P26*SIN(P27)){y} Z(P21):0
@@ -26,7 +26,7 @@ IF(P25!<P31)
 P30=P30+1
 P31=P24-0.5+P30*P32
 ENDIF
-P25=P25+1
+P25=P25+1 P45=P45+1
 P27=P14+P13*P25
 X(P11+P12*COS(P27)):(-P15*SIN(P27)){y} Z(P21+P18*(P25-P24)):(P19)
 ENDWHILE
@@ -37,7 +37,7 @@ IF(P30>0) P33=P19
 P34={out_segments} ; the tool goes out, the carriage comes to rest
 WHILE(P34>0)
 P34=P34-1
-P25=P25+1
+P25=P25+1 P45=P45+1
 P27=P14+P13*P25
 P35=P34/{out_segments} ; from 1 to 0
 P36=P35*P35*(3-2*P35) ; what is left of the path

@@ -117,7 +117,7 @@ CLEAR
 LINEAR ; ours
 INC
 {flag}=0 ; ours: the host sets it to end the cut at the end of a turn
-P630=0 ; ours: moves done
+P630=0 P45=0 ; ours: moves done
 P640=0 ; ours: moves to the end of the present turn
 TA{ta} TS{ts} F50000
 X{depth} ; depth of cut, clear of the part
@@ -126,7 +126,7 @@ TA{slow} TS{slow_ts} TM(P621) Y(P620) ; ours: run-up
 TA{ta} TS{ts} ; ours: back to the times of the cut
 WHILE(P630<P640 OR {go_on} AND P630<P610) ; ours: the count of moves
 IF(P630=P640) P640=P640+{segments_a_turn} ; ours
-P630=P630+2 ; ours
+P630=P630+2 P45=P45+2 ; ours
 P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(P500) Z(P600) ; Z is ours
 P1=((P100*P200)/60*{multiple}) F(P1) Y(P300) TM(P400) X(-P500) Z(P600)
 ENDWHILE
@@ -134,6 +134,6 @@ P43=P630/{segments_a_turn} ; ours: turns of the cut
 TA10 TS10 TM{retract_ms} X-{retract} Y(P300*{retract_turn}) ; printed X10000: 2 mm into the part
 TM(P621) Y(P620) ; ours: the spindle turns on until the tool is out
 TA{slow} TS{slow_ts} ; ours: and runs down
-P44=1 ; ours
+IF(P45=P630) P44=1 ; ours
 CLOSE
 """

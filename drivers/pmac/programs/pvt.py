@@ -220,6 +220,6 @@ P29=P29+P33*{out_ms}/3000
 PVT{half} ; the spindle runs down
 X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
 X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
-P44=1
+IF(P45=P25) P44=1
 CLOSE
 """

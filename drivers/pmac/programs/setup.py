@@ -21,10 +21,15 @@ HOLD_FLAG = "M26"
 TURNS_CUT, FINISHED = "P43", "P44"
 """What every program says of itself: the turns that it has begun, and 1 once it has come to its last line.
 
-Both are 0 when it is loaded. A program that somebody else ends never comes there, or with fewer turns.
+Both are 0 when it is loaded. A program that somebody else ends never comes there, or with fewer turns. Nor is it
+finished where P45, which counts its segments a second time, differs: somebody has gone on elsewhere in it.
 """
 
-END_MARKS = f"{TURNS_CUT}=0 ; turns of the cut\n{FINISHED}=0 ; 1 at the end of the program\n"
+END_MARKS = f"""\
+{TURNS_CUT}=0 ; turns of the cut
+{FINISHED}=0 ; 1 at the end of the program
+P45=0 ; its segments, counted a second time
+"""
 
 SERVO = "servo"
 """A spindle whose loop the card closes; any other is only followed."""

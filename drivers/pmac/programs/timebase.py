@@ -114,7 +114,9 @@ def timebase_program(
     }
     turned = machine.spindle.drive == SERVO
     head = _HEAD.replace("{spindle_up}", _SPINDLE_UP if turned else "")
-    return (head + LOBE_PATH + _END + (_SPINDLE_DOWN if turned else "") + "P44=1\nENDIF\nCLOSE\n").format(**values)
+    return (
+        head + LOBE_PATH + _END + (_SPINDLE_DOWN if turned else "") + "IF(P45=P25 AND P26=1) P44=1\nENDIF\nCLOSE\n"
+    ).format(**values)
 
 
 def _clock_values(machine: MachineProfile, clock: SpindleClock, dialect: Dialect) -> dict[str, object]:
@@ -222,6 +224,8 @@ DWELL{run_up} ; the spindle runs up
 
 _END = """\
 DWELL0
+P26=0
+IF({source}={address}) P26=1 ; the spindle was the clock to the end
 {trigger}={frozen}
 {source}={kept_source} ; the card's own time base again
 DWELL{jog}
