@@ -31,6 +31,9 @@ NOT_STARTED = "stopped, ^K: controller.err012"
 """The controller takes no start with a loop open; what follows must not close it."""
 
 ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
+DISTURBED = "stopped, ^A: cut.disturbed"
+"""The whole length is cut, and the program did not come out of the part on its own."""
+
 OVERRIDE, OUTSIDE = "stopped, ^A: cut.override", "stopped, ^A: cut.outside_plan"
 RESET = f"stopped, ^K: controller.was_reset {TOOL_UNKNOWN}"
 INTERRUPTED = "stopped, ^A: machine.stopped"
@@ -124,13 +127,13 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         POSITIONING="stopped, ^A: machine.not_arrived",
         CHECKING=SAME,
         CUTTING=f"{ENDED_BY_OTHERS} {IN_PART}",
-        RETRACTING=ENDED_BY_OTHERS,
+        RETRACTING=DISTURBED,
     ),
     "stranger-writes, &1A": _row(CUTTING=f"{ENDED_BY_OTHERS} {IN_PART}"),
     # What is in full motion when its segment ends runs on, into the part or out of it.
     "stranger-writes, &1Q": _row(
         CUTTING=" or ".join((ENDED_BY_OTHERS, f"{ENDED_BY_OTHERS} {IN_PART}", f"{OUTSIDE} {IN_PART}", OUTSIDE)),
-        RETRACTING=ENDED_BY_OTHERS,
+        RETRACTING=DISTURBED,
     ),
     "stranger-writes, &1H": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
     "stranger-writes, &1%0": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),

@@ -31,6 +31,9 @@ HEARD_S = 0.15
 """How far time runs on without a word: a lease that was just renewed, 50 ms late, holds beyond that."""
 
 TICK_S = 0.005
+LATE_S = 0.1
+"""As much of a tick that came late is made up for."""
+
 HURRY = 8.0
 """How much faster than real time it runs where nothing is cut and no lease is being measured by the host."""
 
@@ -89,9 +92,8 @@ class PatientCard:
         while not self._ended:
             await asyncio.sleep(TICK_S)
             now_s = time.monotonic()
-            real_s, last_s = min(now_s - last_s, 0.1), now_s
-            heard_s = self.words.said[-1][0] if self.words.said else 0.0
-            left_s = min(real_s * self._speed, heard_s + HEARD_S - self.lathe.now_s())
+            real_s, last_s = now_s - last_s, now_s
+            left_s = real_s if self._measured else min(min(real_s, LATE_S) * self._speed, self._waits_s)
             while left_s > 0.0 and self._runs:
                 self.lathe.wait(min(left_s, SLICE_S))
                 left_s -= SLICE_S
@@ -108,15 +110,26 @@ class PatientCard:
             self._reached.set()
 
     @property
-    def _speed(self) -> float:
+    def _waits_s(self) -> float:
+        """How long time goes on without another word of the console."""
+        heard_s = self.words.said[-1][0] if self.words.said else 0.0
+        return heard_s + HEARD_S - self.lathe.now_s()
+
+    @property
+    def _measured(self) -> bool:
+        """Whether the console holds the rate of the lease against its clock: then no moment may be left out."""
         card = self.lathe.controller
         lease = lease_timer(card.dialect).name
         guarded = card.variables.get(VariableKind.P, ACTIVITY) != Activity.NOTHING
-        measured = card.variables.get(VariableKind.M, int(lease[1:])) > 0 and not guarded
+        return card.variables.get(VariableKind.M, int(lease[1:])) > 0 and not guarded
+
+    @property
+    def _speed(self) -> float:
+        card = self.lathe.controller
         # The host knows how long an axis takes to come to rest behind the trigger of its zero, and a hurried step
         # of time may have all of that in it.
         homing = any(each._jog.homing for each in card.motors.values())
-        return 1.0 if measured or homing or card.systems[1].running else HURRY
+        return 1.0 if homing or card.systems[1].running else HURRY
 
     def until(self, reached: Callable[[], bool]) -> None:
         """Let time run with the console until something is so; it stands still from then on."""
