@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from benchmarks.measure import print_table, seconds
+from benchmarks.measure import extent, print_table, seconds
 from drivers.simulator.connection import Connection, PlainStream
 from drivers.simulator.lag import LagRecord
 from drivers.simulator.machine import SimulatedLathe
@@ -32,12 +32,12 @@ from profiles.store import load_machine
 
 MACHINE = "lee-2001-lathe"
 LINE = b"#1P"
-COMMANDS = 2000
+COMMANDS = extent(2000, 200)
 BATCH = 100
-RUNS = 9
+RUNS = extent(9, 1)
 AIM = 1.0 / 3.0
 
-CLOCK_S = 10.0
+CLOCK_S = extent(10.0, 0.5)
 CLIENTS = 4
 POLL_HZ = 100.0
 LOOK = b"#1PVF#2PVF#3PVF&1??\r"

@@ -9,9 +9,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.measure import median_process_cost, print_table
+from benchmarks.measure import extent, median_process_cost, print_table
 
-RUNS = 7
+RUNS = extent(7, 1)
 JOB = "lee-2001-experiment-1"
 
 

@@ -11,10 +11,10 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.measure import print_table
+from benchmarks.measure import extent, print_table
 from tests.terminal import Terminal
 
-RUNS = 7
+RUNS = extent(7, 1)
 COLUMNS, ROWS = 100, 30
 LONGEST_WAIT_S = 20.0
 WORD = r"\bSIM\b"

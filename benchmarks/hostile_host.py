@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.hostile_lines import DEEDS, Deed
-from benchmarks.measure import print_table
+from benchmarks.measure import extent, print_table
 from console.session.sequence import Shop, Step, cut_part
 from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.heartbeat import Heartbeat
@@ -304,7 +304,7 @@ def main() -> int:
     """Cut, print the table, and return 1 where a part was called good that is not what was planned."""
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     length = options.add_mutually_exclusive_group()
-    length.add_argument("--cuts", type=int, default=60)
+    length.add_argument("--cuts", type=int, default=extent(60, 3))
     length.add_argument("--hours", type=float, help="of simulated cutting")
     options.add_argument("--seed", type=int, default=2001)
     asked = options.parse_args()

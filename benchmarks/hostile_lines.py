@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deed:
-    """One deed: `first` is sent at once, `later` some hundredths of a second behind it, as of one who undoes it.
+    """One deed: `first` is sent at once, `later` a few tenths of a second behind it, as of one who undoes it.
 
     `{program}` is the number of the program of the cut, `{tool}` that of the motor of the tool, `{gain}` its
     proportional gain, `{source}` and `{slew}` the time base of the coordinate system.

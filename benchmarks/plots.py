@@ -13,10 +13,10 @@ import sys
 import termios
 from dataclasses import dataclass
 
-from benchmarks.measure import print_table
+from benchmarks.measure import extent, print_table
 from benchmarks.plot_apps import FRAME_S, PAGES
 
-FRAMES = 60
+FRAMES = extent(60, 10)
 SIZES = ((80, 24), (160, 48))
 CHUNK = 65536
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
-from benchmarks.measure import print_table
+from benchmarks.measure import extent, print_table
 from console.session.outlook import outlook
 from console.session.preview import all_asked, preview, program_of
 from console.session.state import Activity
@@ -33,7 +33,7 @@ from tests.tui.scenes import Scene, application, rows_of, settle
 from tests.tui.scenes import machine as state_of
 from tests.tui.stage import experiment
 
-RUNS = 7
+RUNS = extent(7, 1)
 JOB, MACHINE = "lee-2001-experiment-1", "lee-2001-lathe"
 BASELINE = "lobe, command, drive, rules (baseline)"
 SIZES = ((80, 24), (160, 48))

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from benchmarks.measure import print_table, seconds
+from benchmarks.measure import extent, print_table, seconds
 from profiles.metrology.circles import MINIMUM_ZONE, limacon_circle
 
 POINTS = 3600
-RUNS = 15
+RUNS = extent(15, 1)
 AIM = 20.0
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.measure import print_table
+from benchmarks.measure import extent, print_table
 from console.session.intents import Start
 from console.session.progress import CutStage
 from console.session.state import StationState
@@ -23,7 +23,10 @@ from tests.terminal import Terminal
 
 SIZES = ((80, 24), (160, 48))
 FRAME_S = 0.1
-FRAMES = 60
+FRAMES = extent(60, 10)
+CUT_MM = extent(6.0, 1.0)
+"""As long a cut as the frames take."""
+
 LONGEST_RUN_S = 60.0
 BASELINE = "stock widgets (baseline)"
 SHOWN_BEFORE_THE_END = 5
@@ -38,7 +41,7 @@ class Cost:
     cpu_s: float
 
 
-def moments_of_a_cut(frames: int) -> list[StationState]:
+def moments_of_a_cut(frames: int, cut_mm: float = 3.0) -> list[StationState]:
     """Return `frames` + 1 states of a simulated cut as a screen sees them, ten in a second, up to its end.
 
     The cut is always the same one, and so are the bytes.
@@ -49,7 +52,7 @@ def moments_of_a_cut(frames: int) -> list[StationState]:
     looks: list[StationState] = []
     with tempfile.TemporaryDirectory() as folder:
         floor = open_floor(Path(folder))
-        job = experiment_1()
+        job = experiment_1(cut_mm)
         floor.set_up(job)
         floor.arm(job)
 
@@ -106,7 +109,7 @@ def _turn(screen: str) -> int:
 
 def main() -> None:
     """Measure and print."""
-    cut = moments_of_a_cut(FRAMES)
+    cut = moments_of_a_cut(FRAMES, CUT_MM)
     runs = {
         BASELINE: ("stock", cut),
         "stock widgets, nothing changes": ("stock", cut[:1] * len(cut)),

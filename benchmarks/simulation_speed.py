@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from benchmarks.measure import print_table, seconds
+from benchmarks.measure import extent, print_table, seconds
 from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.gathering.gather import gather_settings
@@ -32,8 +32,8 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
 
-RUNS = 5
-PLAIN_S = 10.0
+RUNS = extent(5, 1)
+PLAIN_S = extent(10.0, 0.5)
 """Simulated time of the rows that have no program."""
 
 LOOP_SETTINGS = (8, 9, 11, 12, 30, 31, 32, 33, 34, 35, 63, 69)

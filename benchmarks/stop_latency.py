@@ -23,11 +23,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.command_rate import running
-from benchmarks.measure import print_table
-from benchmarks.run_page import FRAMES, moments_of_a_cut
+from benchmarks.measure import extent, print_table
+from benchmarks.run_page import CUT_MM, FRAMES, moments_of_a_cut
 from benchmarks.stop_latency_line import CHARACTER_BITS, Card, Desk, Stopped, bench, card_of
 
-STOPS = 300
+STOPS = extent(300, 5)
 AIM_S = 0.020
 SLOW_BAUD, FAST_BAUD = 9600, 115_200
 BASELINE = "one os.write (baseline)"
@@ -122,7 +122,7 @@ def main() -> None:
     stops = int(sys.argv[1]) if len(sys.argv) > 1 else STOPS
     rows, baseline_s = [], 0.0
     with tempfile.NamedTemporaryFile() as file, ExitStack() as stack:
-        file.write(pickle.dumps(moments_of_a_cut(FRAMES)))
+        file.write(pickle.dumps(moments_of_a_cut(FRAMES, CUT_MM)))
         file.flush()
         listeners = ("--tcp", "127.0.0.1:0", "--ethernet", "127.0.0.1:0")
         card = card_of(stack.enter_context(running("-m", "console", "simulator", "--json", *listeners)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Set
 from dataclasses import dataclass
 
+from drivers.lengths import Lengths
 from drivers.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
 from profiles.problem import Problem
 
@@ -54,7 +55,8 @@ def open_loop_problem(snapshot: Snapshot) -> Problem | None:
 class OthersStill:
     """Every axis but those that move stays where it was commanded to be when the motion began."""
 
-    def __init__(self, moving: Set[AxisName], begun: Snapshot) -> None:
+    def __init__(self, moving: Set[AxisName], begun: Snapshot, lengths: Lengths) -> None:
+        self._lengths = lengths
         self._ranges = tuple(
             AxisRange(axis=axis, low=state.commanded - OTHERS_COUNTS, high=state.commanded + OTHERS_COUNTS)
             for axis, state in zip(begun.driven, begun.driven_axes, strict=True)
@@ -63,7 +65,7 @@ class OthersStill:
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
-        found = (_outside(each, snapshot, "machine.unexpected_motion") for each in self._ranges)
+        found = (_outside(each, snapshot, "machine.unexpected_motion", self._lengths) for each in self._ranges)
         return tuple(problem for problem in found if problem is not None)
 
 
@@ -89,6 +91,7 @@ class JogGuard:
     end: float
     beyond_counts: float
     others: OthersStill
+    lengths: Lengths
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge where the axis is commanded to be."""
@@ -97,23 +100,23 @@ class JogGuard:
         held = snapshot.axis(self.axis).closed
         if not held or low - self.beyond_counts <= at <= high + self.beyond_counts:
             return self.others(snapshot)
-        value, limit = f"{at:.0f} counts", f"{self.begin:.0f} to {self.end:.0f} counts"
+        value, limit = self.lengths.at(self.axis, at), self.lengths.between(self.axis, self.begin, self.end)
         return (Problem(code="machine.jog_astray", key=self.axis, value=value, limit=limit),)
 
 
 class ProgramGuard:
     """A program in progress: its axes stay where it was planned to take them, in real time, and it advances."""
 
-    def __init__(self, ranges: Iterable[AxisRange] = (), *, real_time: bool = True) -> None:
+    def __init__(self, lengths: Lengths, ranges: Iterable[AxisRange] = (), *, real_time: bool = True) -> None:
         """`real_time` is False for a program whose time is led by another source than the feed override."""
-        self._ranges, self._real_time = tuple(ranges), real_time
+        self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
         self._last: Snapshot | None = None
 
     def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Judge one poll."""
         problems = (
             self._override(snapshot),
-            *(_outside(each, snapshot, "cut.outside_plan") for each in self._ranges),
+            *(_outside(each, snapshot, "cut.outside_plan", self._lengths) for each in self._ranges),
         )
         stalled = self._stalled(snapshot)
         return tuple(problem for problem in (*problems, stalled) if problem is not None)
@@ -140,13 +143,13 @@ class ProgramGuard:
         return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
 
 
-def _outside(planned: AxisRange, snapshot: Snapshot, code: str) -> Problem | None:
+def _outside(planned: AxisRange, snapshot: Snapshot, code: str, lengths: Lengths) -> Problem | None:
     """Return that an axis is commanded elsewhere; one whose loop is open is commanded by nobody."""
-    at = snapshot.axis(planned.axis).commanded
-    if not snapshot.axis(planned.axis).closed or planned.low <= at <= planned.high:
+    axis, at = planned.axis, snapshot.axis(planned.axis).commanded
+    if not snapshot.axis(axis).closed or planned.low <= at <= planned.high:
         return None
-    value, limit = f"{at:.0f} counts", f"{planned.low:.0f} to {planned.high:.0f} counts"
-    return Problem(code=code, key=planned.axis, value=value, limit=limit)
+    value, limit = lengths.at(axis, at), lengths.between(axis, planned.low, planned.high)
+    return Problem(code=code, key=axis, value=value, limit=limit)
 
 
 def _stands(before: Snapshot, after: Snapshot) -> bool:

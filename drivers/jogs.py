@@ -8,6 +8,7 @@ from functools import partial
 from drivers.arrival import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
 from drivers.errors import DriverError, RefusedError
 from drivers.guards import JogGuard, OthersStill
+from drivers.lengths import Lengths
 from drivers.loading import Loading
 from drivers.looks import Looks
 from drivers.motion import Motion
@@ -61,7 +62,7 @@ class Jogs:
         send: Callable[[str], None],
     ) -> None:
         self._machine, self._looks, self._motion, self._stop = machine, looks, motion, stop
-        self._loading, self._send = loading, send
+        self._loading, self._send, self._lengths = loading, send, Lengths(machine)
         self._left: tuple[Snapshot, object] | None = None
 
     def forget(self) -> None:
@@ -120,7 +121,7 @@ class Jogs:
         there = state.position + state.following_error
         if abs(there - counts - held_counts) > ARRIVED_COUNTS:
             # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
-            value, limit = f"{there:.0f} counts", f"{counts:.0f} counts"
+            value, limit = self._lengths.at(axis, there), self._lengths.at(axis, counts)
             self._stop.stop(f"jog {axis}")
             raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
 
@@ -131,7 +132,10 @@ class Jogs:
         self.forget()  # until this one is over
         speed = abs(self._machine.controller.variables[f"I{motor_of(self._machine, axis)}22"])
         beyond, begin = speed * READ_MS + ARRIVED_COUNTS, now.axis(axis).commanded
-        return JogGuard(axis=axis, begin=begin, end=end, beyond_counts=beyond, others=self._others(axis, now))
+        others = self._others(axis, now)
+        return JogGuard(
+            axis=axis, begin=begin, end=end, beyond_counts=beyond, others=others, lengths=self._lengths
+        )
 
     def _refuse_shifted(self, now: Snapshot) -> None:
         """Refuse where an axis is no longer where the last jog has left it, and nothing of ours has moved since.
@@ -154,7 +158,7 @@ class Jogs:
     def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
         """Return what judges the axes that do not jog; by a table that is on, the tool follows another axis."""
         follows = axis is not AxisName.TOOL and self._loading.tables_on()
-        return OthersStill({axis, AxisName.TOOL} if follows else {axis}, begun)
+        return OthersStill({axis, AxisName.TOOL} if follows else {axis}, begun, self._lengths)
 
     def by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
         """Jog one axis by an increment in counts, from where it is commanded to be.
@@ -182,9 +186,9 @@ class Jogs:
         if abs(to_counts - here) <= band:
             return
         if to_counts > here:
-            value, limit = f"{to_counts:.0f} counts", f"< {here:.0f} counts"
+            value, limit = (self._lengths.at(AxisName.TOOL, each) for each in (to_counts, here))
             raise RefusedError(
-                Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=limit)
+                Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=f"< {limit}")
             )
         self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._loading.correction_counts())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from drivers.errors import RefusedError
+from drivers.lengths import Lengths
 from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -21,15 +22,14 @@ def refuse_beyond_travel(machine: MachineProfile, axis: AxisName, motor: int, co
     """
     variables = machine.controller.variables
     high, low = variables[f"I{motor}13"], variables[f"I{motor}14"]
-    limit = ""
+    lengths, limit = Lengths(machine), ""
     if high and counts > high:
-        limit = f"<= {high:g} counts"
+        limit = f"<= {lengths.at(axis, high)}"
     if low and counts < low:
-        limit = f">= {low:g} counts"
+        limit = f">= {lengths.at(axis, low)}"
     if limit:
-        raise RefusedError(
-            Problem(code="machine.beyond_travel", key=axis, value=f"{counts:.0f} counts", limit=limit)
-        )
+        value = lengths.at(axis, counts)
+        raise RefusedError(Problem(code="machine.beyond_travel", key=axis, value=value, limit=limit))
 
 
 def overrun_counts(machine: MachineProfile, motor: int) -> float:

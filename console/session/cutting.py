@@ -28,7 +28,7 @@ from console.session.made_parts import AS_FILED, MODEL, MadeWith
 from console.session.planned_cut import PlannedCut, refuse_unless_held
 from console.session.progress import CutStage, CutWatch
 from console.session.records import RunRecord
-from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, tool_clear
+from console.session.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, not_retracted, tool_clear
 from console.session.stages import Stage, air_mm
 from console.session.state import Activity, Armed
 from console.session.workplace import Workplace
@@ -236,7 +236,7 @@ def _go_to_start(place: Workplace, plan: CutPlan) -> None:
 
 
 def _refuse_unless_ready(place: Workplace, plan: CutPlan, *, starting: bool) -> None:
-    locks = of_machine(place.lathe.snapshot(), plan, place.lathe.verify())
+    locks = of_machine(place.lathe.snapshot(), plan, place.lathe.machine, place.lathe.verify())
     refuse_unless(*(lock for lock in locks if starting or lock.name != AT_START))
 
 
@@ -295,8 +295,7 @@ def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) ->
     made = {} if place.started is None else place.started.made.event()
     place.note("held" if held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made)
     if not last.at_rest or not tool_clear(last, plan):
-        value = f"{last.tool.position:.0f} counts"
-        raise SessionError(Problem(code="machine.not_retracted", key="tool", value=value))
+        raise SessionError(not_retracted(last, plan, place.lathe.machine))
 
 
 def _open_record(place: Workplace, order: Arm, armed: Armed) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from console.session.errors import SessionError
 from drivers.cut import CutPlan, Strategy
 from drivers.lathe import Lathe
+from drivers.lengths import Lengths
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -56,15 +57,18 @@ def of_program(plan: CutPlan) -> Interlock:
     return Interlock(name="program_is_safe", problems=problems)
 
 
-def of_machine(snapshot: Snapshot, plan: CutPlan, settings: tuple[Problem, ...]) -> tuple[Interlock, ...]:
+def of_machine(
+    snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, settings: tuple[Problem, ...]
+) -> tuple[Interlock, ...]:
     """Return what the controller must report before the start; `settings` are its differences."""
+    lengths = Lengths(machine)
     starts = dict(zip(AxisName, (plan.tool_start, plan.spindle_start, plan.carriage_start), strict=True))
     away = tuple(
         Problem(
             code="machine.not_at_start",
             key=axis,
-            value=f"{state.commanded:.0f} counts",
-            limit=f"{starts[axis]:.1f} ± {START_BAND_COUNTS:g} counts",
+            value=lengths.at(axis, state.commanded),
+            limit=lengths.around(axis, starts[axis], START_BAND_COUNTS),
         )
         for axis, state in zip(snapshot.driven, snapshot.driven_axes, strict=True)
         # A program goes on from where an axis is commanded to be; it may still lag there by what friction holds.

@@ -18,8 +18,10 @@ from console.session.telemetry import CutFigures, Telemetry
 from drivers.cut import CutPlan
 from drivers.errors import DriverError, LinkError
 from drivers.lathe import SPEED_S, Lathe
+from drivers.lengths import Lengths
 from drivers.snapshot import AxisName, Snapshot
 from profiles.job import Job
+from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.traces import Trace
 
@@ -128,7 +130,8 @@ def _steps(shop: Shop, job: Job, plan: CutPlan, tell: Tell, beside: Beside | Non
     _align(shop, job, plan, homed=homed)
     _turn(shop, job.spindle_speed_rpm)
     tell(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
-    refuse_unless(*of_machine(lathe.snapshot(), plan, lathe.verify()), shop.judge(), at_speed(lathe, job))
+    ready = of_machine(lathe.snapshot(), plan, lathe.machine, lathe.verify())
+    refuse_unless(*ready, shop.judge(), at_speed(lathe, job))
     refuse_unless_held(lathe, plan)
     tell(Step.CUT, f"{plan.duration_s:.1f} s")
     planned = PlannedCut(lathe, plan)
@@ -206,8 +209,13 @@ def _prove_retracted(lathe: Lathe, plan: CutPlan) -> None:
     """The program takes the tool out; the controller must say that it is there and that nothing moves."""
     snapshot = lathe.snapshot()
     if not snapshot.at_rest or not tool_clear(snapshot, plan):
-        value, limit = f"{snapshot.tool.position:.0f} counts", f"< {_clear_of(plan):.0f} counts"
-        raise SessionError(Problem(code="machine.not_retracted", key="tool", value=value, limit=limit))
+        raise SessionError(not_retracted(snapshot, plan, lathe.machine))
+
+
+def not_retracted(snapshot: Snapshot, plan: CutPlan, machine: MachineProfile) -> Problem:
+    """Return that the tool is not out of the part, where it stands, and what would be clear of it."""
+    value, limit = (Lengths(machine).at(AxisName.TOOL, at) for at in (snapshot.tool.position, _clear_of(plan)))
+    return Problem(code="machine.not_retracted", key=AxisName.TOOL, value=value, limit=f"< {limit}")
 
 
 def _clear_of(plan: CutPlan) -> float:

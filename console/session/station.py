@@ -22,6 +22,7 @@ from console.session.cutting import put_back
 from console.session.errors import SessionError
 from console.session.home_watch import watch_home
 from console.session.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
+from console.session.link_time import LinkTime
 from console.session.orders import ORDERS
 from console.session.progress import RUNNING, CutStage
 from console.session.spindle import SpindleWatch
@@ -61,6 +62,7 @@ class Station:
         self._met: tuple[str, ...] = ()
         self._slot = threading.Lock()
         self._gone = False
+        self._link_time = LinkTime()
         self._spindle = SpindleWatch(place.loaded_machine.machine.spindle.counts_per_rev)
 
     @property
@@ -83,7 +85,7 @@ class Station:
             spindle_rpm=self._spindle.see(snapshot),
             alignment=alignment,
             at_s=place.clock.now_s(),
-            round_trip_ms=1000.0 * place.lathe.round_trip_s,
+            round_trip_ms=self._link_time.see(place.clock.now_s(), place.lathe.round_trip_s),
         )
         place.tell_standing()
         watch_home(place, state, snapshot)

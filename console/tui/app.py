@@ -33,6 +33,7 @@ from console.tui.previewing import Previewer
 from console.tui.scrolled import ScrolledSheet
 from console.tui.sheet import Sheet
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette, Token
+from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
@@ -172,7 +173,7 @@ class ConsoleApp(App[None]):
         if self._is_small:
             self._show_small()
             return
-        if not self._reading:
+        if not self._reading and page.size.area:  # before the first layout no panel knows its room
             self._safely(lambda: page.show(view))
         self._safely(lambda: self._show_frame(page, view))
 
@@ -309,6 +310,7 @@ class ConsoleApp(App[None]):
             said=self.desk.said,
             clock=self._local_time(),
             now_s=view.now_s,
+            job="" if view.work is None else printable(view.work.job.name),
         )
         width = max(self.size.width - 2, 1)
         if self._listed == MESSAGES:

@@ -16,7 +16,7 @@ from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName, actions_of
-from console.tui.lines import BLANK, Line, clipped, dim, fitted, hanging, line, plain, ranged, width_of, wrapped
+from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from profiles.machine import MachineProfile
@@ -33,7 +33,10 @@ _FIRST_SERVED = ("stop", "alarm", "next")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """What the rows are made of. `said` answers the last key; `clock` is local time; `now_s` machine time."""
+    """What the rows are made of. `said` answers the last key; `clock` is local time; `now_s` machine time.
+
+    `job` is the name of the open job, "" where none is.
+    """
 
     text: Catalogue
     state: StationState
@@ -44,6 +47,7 @@ class Frame:
     said: tuple[Problem, ...]
     clock: datetime
     now_s: float
+    job: str = ""
 
 
 def state_row(frame: Frame, width: int) -> list[Line]:
@@ -63,7 +67,7 @@ def state_row(frame: Frame, width: int) -> list[Line]:
         activity, token = held, Token.WARNING
     right = (*_age(frame), dim(f"   {frame.clock:%H:%M} "))
     room = width - width_of((*head, *right)) - cell_len(activity) - 4
-    machine = state.machine if cell_len(state.machine) <= room else fitted(state.machine, max(room, 1))
+    machine = name_in(state.machine, max(room, 1))
     return [ranged((*head, (f"{machine} · ", Token.DIM), (activity, token)), right, width)]
 
 
@@ -135,13 +139,14 @@ def _all_key(text: Catalogue, count: int) -> str:
 
 
 def pages_row(frame: Frame, width: int) -> list[Line]:
-    """The numbered pages."""
+    """The numbered pages, and the open job."""
     pieces: list[tuple[str, Token]] = []
     for number, page in enumerate(PageName, start=1):
         name = f" {number} {frame.text(f'page.{page}')} "
         pieces.append((name, Token.SELECTED if page is frame.page else Token.DIM))
-    spare = width - width_of(tuple(pieces))
-    return [(*pieces, dim(" " * max(spare, 0)))]
+    room = max(width - width_of(tuple(pieces)) - 1, 0)
+    name = name_in(frame.job, room)
+    return [(*pieces, dim(" " * (room - cell_len(name))), (f"{name} "[: room + 1], Token.STRONG))]
 
 
 def next_row(frame: Frame, width: int) -> list[Line]:

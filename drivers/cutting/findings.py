@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.cutting.steady import stroke
 from drivers.pmac.check import CheckedMove, CheckedProgram
+from drivers.pmac.configuration.amounts import length, speed
 from drivers.pmac.programs.setup import SERVO
 from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.compensation import LobedPath
@@ -107,15 +108,16 @@ def _limit_findings(checked: CheckedProgram, machine: MachineProfile) -> list[Fi
             continue
         fastest = variables[f"I{motor}16"]
         if checked.peak_velocity[motor] > fastest * (1.0 + 1e-9):
-            value = f"{checked.peak_velocity[motor]:.4g} counts/ms"
-            findings.append(_refusal("cut.too_fast", f"I{motor}16", value, f"<= {fastest:g} counts/ms"))
+            value = speed(checked.peak_velocity[motor], motor, machine)
+            findings.append(_refusal("cut.too_fast", f"I{motor}16", value, f"<= {speed(fastest, motor, machine)}"))
         high, low = variables[f"I{motor}13"], variables[f"I{motor}14"]
-        if high and checked.highest[motor] > high:
-            value = f"{checked.highest[motor]:.0f} counts"
-            findings.append(_refusal("cut.beyond_travel", f"I{motor}13", value, f"<= {high:g} counts"))
-        if low and checked.lowest[motor] < low:
-            value = f"{checked.lowest[motor]:.0f} counts"
-            findings.append(_refusal("cut.beyond_travel", f"I{motor}14", value, f">= {low:g} counts"))
+        highest, lowest = checked.highest[motor], checked.lowest[motor]
+        if high and highest > high:
+            value, limit = (length(each, motor, machine) for each in (highest, high))
+            findings.append(_refusal("cut.beyond_travel", f"I{motor}13", value, f"<= {limit}"))
+        if low and lowest < low:
+            value, limit = (length(each, motor, machine) for each in (lowest, low))
+            findings.append(_refusal("cut.beyond_travel", f"I{motor}14", value, f">= {limit}"))
     return findings
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from drivers.cutting.plan import CutPlan, Strategy
 from drivers.guards import AxisRange, ProgramGuard
+from drivers.lengths import Lengths
 from drivers.pmac.axes import read_definitions
 from drivers.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
@@ -35,7 +36,8 @@ def cut_ranges(plan: CutPlan, machine: MachineProfile) -> tuple[AxisRange, ...]:
 
 def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
     """Return what judges each poll of this cut."""
-    return ProgramGuard(cut_ranges(plan, machine), real_time=plan.strategy is not Strategy.TIMEBASE)
+    real_time = plan.strategy is not Strategy.TIMEBASE
+    return ProgramGuard(Lengths(machine), cut_ranges(plan, machine), real_time=real_time)
 
 
 def _axes(plan: CutPlan, machine: MachineProfile) -> Iterator[tuple[AxisName, int, float]]:

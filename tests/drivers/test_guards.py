@@ -15,7 +15,12 @@ from drivers.guards import (
     open_loop_problem,
     reset_problem,
 )
+from drivers.lengths import Lengths
 from drivers.snapshot import AxisName, AxisState, Snapshot
+from profiles.store import load_machine
+
+LENGTHS = Lengths(load_machine("lee-2001-lathe").machine)
+"""Its tool makes 5000 counts a mm, its carriage 1000."""
 
 CLOSED = frozenset({"activated", "amplifier_enabled", "home_complete"})
 OFF = frozenset({"activated", "open_loop"})
@@ -45,8 +50,8 @@ def codes(problems: object) -> list[str]:
 
 
 def jog(begin: float, end: float) -> JogGuard:
-    others = OthersStill({AxisName.TOOL}, seen())
-    return JogGuard(axis=AxisName.TOOL, begin=begin, end=end, beyond_counts=100.0, others=others)
+    others = OthersStill({AxisName.TOOL}, seen(), LENGTHS)
+    return JogGuard(axis=AxisName.TOOL, begin=begin, end=end, beyond_counts=100.0, others=others, lengths=LENGTHS)
 
 
 @pytest.mark.parametrize("at", [0.0, 2500.0, 5000.0, 5100.0, -100.0])
@@ -61,8 +66,8 @@ def test_a_jog_beyond_its_target_or_the_wrong_way_is_reported_with_both(
     begin: float, end: float, at: float
 ) -> None:
     (problem,) = jog(begin, end)(seen(tool=state(at)))
-    assert (problem.code, problem.key, problem.value) == ("machine.jog_astray", "tool", f"{at:.0f} counts")
-    assert problem.limit == f"{begin:.0f} to {end:.0f} counts"
+    assert (problem.code, problem.key, problem.value) == ("machine.jog_astray", "tool", f"{at / 5000.0:.4f} mm")
+    assert problem.limit == f"{begin / 5000.0:.4f} to {end / 5000.0:.4f} mm"
 
 
 def test_it_is_the_commanded_position_that_counts() -> None:
@@ -78,40 +83,40 @@ def test_another_axis_that_moves_during_a_jog_is_reported() -> None:
 
 @pytest.mark.parametrize("percent", [0.0, 50.0, 99.0, 101.0])
 def test_any_override_but_real_time_is_no_cut(percent: float) -> None:
-    assert codes(ProgramGuard()(seen(percent=percent))) == ["cut.override"]
-    assert ProgramGuard(real_time=False)(seen(percent=percent)) == ()
-    assert ProgramGuard()(seen(percent=percent, running=False)) == ()
+    assert codes(ProgramGuard(LENGTHS)(seen(percent=percent))) == ["cut.override"]
+    assert ProgramGuard(LENGTHS, real_time=False)(seen(percent=percent)) == ()
+    assert ProgramGuard(LENGTHS)(seen(percent=percent, running=False)) == ()
 
 
 def test_an_axis_outside_the_plan_is_reported_with_the_planned_range() -> None:
-    guard = ProgramGuard([AxisRange(axis=AxisName.CARRIAGE, low=-10.0, high=1000.0)])
+    guard = ProgramGuard(LENGTHS, [AxisRange(axis=AxisName.CARRIAGE, low=-10.0, high=1000.0)])
     assert guard(seen(carriage=state(1000.0))) == ()
     (problem,) = guard(seen(carriage=state(1001.0)))
-    assert (problem.code, problem.key, problem.limit) == ("cut.outside_plan", "carriage", "-10 to 1000 counts")
+    assert (problem.code, problem.key, problem.limit) == ("cut.outside_plan", "carriage", "-0.010 to 1.000 mm")
 
 
 def test_an_axis_that_coasts_with_its_loop_open_is_commanded_nowhere() -> None:
     """That its loop is open is what is wrong, and is told by itself."""
     coasting = seen(tool=state(9000.0, OFF), carriage=state(9000.0, OFF))
     assert jog(0.0, 5000.0)(coasting) == ()
-    assert ProgramGuard([AxisRange(axis=AxisName.CARRIAGE, low=-10.0, high=1000.0)])(coasting) == ()
+    assert ProgramGuard(LENGTHS, [AxisRange(axis=AxisName.CARRIAGE, low=-10.0, high=1000.0)])(coasting) == ()
     problem = open_loop_problem(coasting)
     assert problem is not None and problem.key == "tool, carriage"
 
 
 def test_a_program_that_runs_and_moves_nothing_is_stalled_after_a_second() -> None:
-    guard, step_s = ProgramGuard(), STALLED_S / 4.0
+    guard, step_s = ProgramGuard(LENGTHS), STALLED_S / 4.0
     told = [codes(guard(seen(number * step_s))) for number in range(6)]
     assert told == [[], [], [], [], ["cut.stalled"], ["cut.stalled"]]
 
 
 def test_a_turning_spindle_is_no_stall() -> None:
-    guard = ProgramGuard()
+    guard = ProgramGuard(LENGTHS)
     assert all(guard(seen(number * 0.4, spindle=state(10.0 * number))) == () for number in range(10))
 
 
 def test_a_program_that_has_ended_is_no_stall() -> None:
-    guard = ProgramGuard()
+    guard = ProgramGuard(LENGTHS)
     assert all(guard(seen(number * 0.4, running=False)) == () for number in range(10))
 
 

@@ -47,10 +47,10 @@ def test_steps_add_up_without_an_error(closed: Bench) -> None:
 @pytest.mark.parametrize(
     ("axis", "counts", "limit"),
     [
-        (AxisName.TOOL, -10_010.0, ">= -10000 counts"),
-        (AxisName.TOOL, 375_010.0, "<= 375000 counts"),
-        (AxisName.CARRIAGE, -5_010.0, ">= -5000 counts"),
-        (AxisName.CARRIAGE, 199_010.0, "<= 199000 counts"),
+        (AxisName.TOOL, -10_010.0, ">= -2.0000 mm"),
+        (AxisName.TOOL, 375_010.0, "<= 75.0000 mm"),
+        (AxisName.CARRIAGE, -5_010.0, ">= -5.000 mm"),
+        (AxisName.CARRIAGE, 199_010.0, "<= 199.000 mm"),
     ],
 )
 def test_a_step_beyond_the_travel_is_refused_and_nothing_moves(
@@ -104,7 +104,7 @@ def test_the_retract_goes_out_and_never_in(closed: Bench) -> None:
     closed.lathe.home()
     closed.lathe.jog_to(AxisName.TOOL, 20_000.0)
     problem = refusal(lambda: closed.lathe.retract(20_100.0))
-    assert (problem.code, problem.key, problem.value) == ("machine.retract_direction", "tool", "20100 counts")
+    assert (problem.code, problem.key, problem.value) == ("machine.retract_direction", "tool", "4.0200 mm")
     assert closed.lathe.snapshot().tool.position == pytest.approx(20_000, abs=4)
     closed.lathe.retract(10_000.0)
     assert closed.lathe.snapshot().tool.position == pytest.approx(10_000, abs=4)

@@ -126,7 +126,7 @@ def machine(activity: Activity) -> StationState:
         machine=MACHINE,
         controller="Turbo PMAC (simulated)",
         at_s=NOW_S,
-        round_trip_ms=4.3,
+        round_trip_ms=5.0,
         snapshot=snapshot,
     )
 

@@ -14,7 +14,17 @@ from console.session.collisions import collision_problems
 from console.session.state import Activity, StationState, StopState
 from console.session.synchronisation import Synchronisation
 from console.text.catalogue import load
-from console.tui.frame import ROWS, Frame, alarm_row, keys_row, next_row, spindle_stop_s, state_row, stop_row
+from console.tui.frame import (
+    ROWS,
+    Frame,
+    alarm_row,
+    keys_row,
+    next_row,
+    pages_row,
+    spindle_stop_s,
+    state_row,
+    stop_row,
+)
 from console.tui.gate import FieldKind
 from console.tui.help import LISTS, help_lines
 from console.tui.keymap import PageName, actions_of
@@ -33,7 +43,7 @@ AXIS = AxisState(position=0.0, following_error=0.0, flags=REST)
 LOOK = Snapshot(
     asked_s=10.0, at_s=10.0, tool=AXIS, spindle=AXIS, carriage=AXIS, program_running=False, runtime_error=False
 )
-READY = StationState(activity=Activity.READY, machine="lee-2001-lathe", snapshot=LOOK, round_trip_ms=4.4)
+READY = StationState(activity=Activity.READY, machine="lee-2001-lathe", snapshot=LOOK, round_trip_ms=5.0)
 STOPPED = replace(
     READY,
     activity=Activity.STOPPED,
@@ -72,8 +82,18 @@ def test_sim_is_the_first_word_on_the_screen() -> None:
     assert "SIM" not in plain(state_row(frame(replace(READY, simulated=False)), 80))
 
 
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("page", PageName)
+def test_the_open_job_stands_beside_the_pages(page: PageName, language: str) -> None:
+    first, second = (
+        plain(pages_row(frame(language=language, page=page, job=f"lee-2001-experiment-{number}"), 80))
+        for number in (1, 2)
+    )
+    assert first.endswith("experiment-1") and second.endswith("experiment-2")
+
+
 def test_an_old_look_says_how_old_it_is() -> None:
-    assert "link 4 ms" in plain(state_row(frame(), 80))
+    assert "link ≤ 5 ms" in plain(state_row(frame(), 80))
     assert "OLD, 3 s" in plain(state_row(frame(now_s=13.0), 80))
 
 

@@ -15,6 +15,7 @@ from console.tui.lines import (
     fitted,
     hanging,
     line,
+    name_in,
     plain,
     ranged,
     to_strip,
@@ -37,6 +38,21 @@ def test_a_fitted_text_has_its_width(text: str, width: int) -> None:
 def test_a_text_that_is_cut_says_so(text: str, width: int) -> None:
     if cell_len(text) > width:
         assert "…" in fitted(text, width)
+
+
+@given(words, st.integers(0, 40))
+def test_a_long_name_keeps_its_beginning_and_its_end(text: str, width: int) -> None:
+    short = name_in(text, width)
+    assert cell_len(short) <= width
+    if cell_len(text) <= width:
+        assert short == text
+    elif width >= 4:
+        head, _, tail = short.partition("…")
+        assert text.startswith(head) and text.endswith(tail)
+
+
+def test_names_of_a_family_stay_apart() -> None:
+    assert name_in("lee-2001-experiment-1", 16) != name_in("lee-2001-experiment-2", 16)
 
 
 @given(lines_, words, st.integers(30, 90))

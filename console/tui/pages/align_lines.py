@@ -107,16 +107,16 @@ def _position(
     error = seen.following_error / per_unit
     match axis:
         case AxisName.TOOL:
-            return f"R {tool_radius_mm(seen.position, machine, alignment):.4f} mm", _error_um(1000.0 * error)
+            return f"R {tool_radius_mm(seen.position, machine, alignment):z.4f} mm", _error_um(1000.0 * error)
         case AxisName.CARRIAGE:
-            return f"{seen.position / per_unit:.3f} mm", _error_um(1000.0 * error)
+            return f"{seen.position / per_unit:z.3f} mm", _error_um(1000.0 * error)
         case AxisName.SPINDLE:
-            return f"{angle_deg(snapshot, machine):.2f} °", f"{error:.2f} °"
+            return f"{angle_deg(snapshot, machine):z.2f} °", f"{error:z.2f} °"
 
 
 def _error_um(error_um: float) -> str:
     """Write a following error; a large one in mm, so that it never runs into the position beside it."""
-    return f"{error_um:.1f} um" if abs(error_um) < 999.95 else f"{error_um / 1000.0:.3f} mm"
+    return f"{error_um:z.1f} um" if abs(error_um) < 999.95 else f"{error_um / 1000.0:z.3f} mm"
 
 
 def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
@@ -296,7 +296,7 @@ def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, wi
         return [line(("✓ " + text("align_page.valid"), Token.OK))]
     rows = [line("✓ " + text("align_page.all_taken"))]
     if off_deg is not None:
-        first, *rest = wrapped(text("align_page.jaw_off", angle=f"{off_deg:.2f}°"), width - 4, Token.WARNING)
+        first, *rest = wrapped(text("align_page.jaw_off", angle=f"{off_deg:z.2f}°"), width - 4, Token.WARNING)
         rows += [(("SIM", Token.SIM), dim(" "), *first), *((dim(" " * 4), *more) for more in rest)]
     return rows
 

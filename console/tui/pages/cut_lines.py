@@ -79,14 +79,14 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     shown = text("run_page.holding") if cut.holding else stage
     return [
         fact(text("run_page.live.stage"), shown, width, label_width=LABEL_WIDTH, token=Token.STRONG),
-        row("speed", NOTHING if speed_rpm is None else f"{speed_rpm:.0f} rpm"),
+        row("speed", NOTHING if speed_rpm is None else f"{speed_rpm:z.0f} rpm"),
         row("ripple", _ripple(cut.ripple)),
         row("lobe", lobe_hz),
         row("tool", f"R {cut.tool_radius_mm:.4f} mm"),
         row("wanted", f"R {wanted_mm:.4f} mm" if in_part else NOTHING),
-        row("error", f"{cut.tool_error_um:+.2f} um" if in_part else NOTHING),
+        row("error", f"{cut.tool_error_um:+z.2f} um" if in_part else NOTHING),
         row("peak", f"{cut.tool_error_peak_um:.2f} um" if has_peak else NOTHING),
-        row("following", f"{cut.following_error_um:+.2f} um"),
+        row("following", f"{cut.following_error_um:+z.2f} um"),
         *(_together_lines(text, cut, width) if cut.judged else [BLANK, *_not_judged(text, width)]),
     ]
 
@@ -116,11 +116,11 @@ def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     limit = _phase_limit(text, cut)
     below = (dim(to_the_right(limit, width)),)
     if phase_deg is None or limit_deg is None:
-        known = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+.2f} °"
+        known = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+z.2f} °"
         value = fact(label, known, width, label_width=LABEL_WIDTH, token=Token.DIM)
         return [value, (dim(to_the_right(gauge(None, width - 2), width)),), below]
     out = cut.in_phase is False
-    shown = f"{phase_deg:+.2f} °"
+    shown = f"{phase_deg:+z.2f} °"
     token = Token.WARNING if out else Token.TEXT
     if out:
         shown = f"! {text('run_page.out_of_phase')} {shown}"

@@ -243,5 +243,5 @@ def _harmonic(seen: Comparison, n: int, text: Catalogue, width: int, token: Toke
 
 def _phases(seen: Comparison, jaws: int, text: Catalogue, width: int) -> Line:
     phases = (phase_from_jaw_deg(side, jaws) if side else None for side in (seen.before, seen.after))
-    before, after = (NOTHING if phase is None else f"{phase:+.1f}°" for phase in phases)
+    before, after = (NOTHING if phase is None else f"{phase:+z.1f}°" for phase in phases)
     return _columns(text("inspect_page.phase", n=jaws), before, after, width, Token.TEXT)

@@ -13,7 +13,7 @@ from console.session.state import Activity, StationState
 from console.session.work import Work, opened
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
-from console.tui.lines import Line, clipped, line
+from console.tui.lines import Line, clipped, line, name_in
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
 from console.tui.sheet import Sheet
@@ -169,7 +169,7 @@ class JobsPage(Page):
         self._table.border_title = text("jobs_page.title", count=len(jobs.entries))
         self._table.border_subtitle = hidden_words(jobs, text, self._table.size.height)
         # Names of jobs may have brackets in them, which are no markup.
-        self._summary.border_title = Content(printable(entry.name) if entry else "")
+        self._summary.border_title = Content(name_in(printable(entry.name), size.width - 4) if entry else "")
 
     def _next_words(self, state: StationState) -> str:
         text, entry, refused = self.desk.text, self._jobs.entry, lock(state)

@@ -9,7 +9,7 @@ from rich.cells import cell_len
 
 from console.session.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
-from console.tui.lines import Line, dim, fact, fitted, hanging, line, wrapped
+from console.tui.lines import Line, dim, fact, fitted, hanging, line, name_in, wrapped
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
 from profiles.files import printable
@@ -107,7 +107,7 @@ def _columns(width: int, text: Catalogue) -> list[tuple[str, int]]:
 def _row(jobs: JobList, place: int, cells: Sequence[int], name_width: int, text: Catalogue) -> Line:
     entry, chosen = jobs.entries[place], place == jobs.selected
     loaded = jobs.load(entry)
-    name = fitted(("▸ " if chosen else "  ") + printable(entry.name), name_width + 2)
+    name = fitted(("▸ " if chosen else "  ") + name_in(printable(entry.name), name_width), name_width + 2)
     if not isinstance(loaded, LoadedJob):
         reason = _right("✗ " + text("jobs_page.unreadable"), sum(cells))
         return ((name + reason, Token.SELECTED),) if chosen else line(name, (reason, Token.WARNING))

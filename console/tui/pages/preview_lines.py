@@ -272,7 +272,7 @@ def _servo_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int
 
 
 def _gain_and_phase(response: Response) -> str:
-    return f"x{response.gain:.3f}  {math.degrees(response.phase_rad):+.1f}°"
+    return f"x{response.gain:.3f}  {math.degrees(response.phase_rad):+z.1f}°"
 
 
 def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:

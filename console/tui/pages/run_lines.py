@@ -22,13 +22,14 @@ from console.session.stages import Stage
 from console.session.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, hanging, line, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, hanging, line, name_in, wrapped
 from console.tui.pages.fields import named
 from console.tui.pages.made_words import armed_words, chosen_words
 from console.tui.pages.stop_lines import cut_words, mark_lines
 from console.tui.theme import Token
 from drivers.cut import Strategy
 from profiles.chucking.advice import Stands, force_span
+from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -146,7 +147,7 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     strategy = Strategy(work.strategy) if armed is None else armed.strategy
     stamps = state.alignment if armed is None else armed.alignment
     pairs = [
-        ("job", job.name),
+        ("job", name_in(printable(job.name), max(width - LABEL_WIDTH, 0))),
         ("revision", _revision(text, work, armed)),
         ("force", f"{job.chucking_force_n:.0f} N"),
         ("window", window_words(job, work.machine.machine)),

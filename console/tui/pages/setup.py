@@ -17,7 +17,7 @@ from console.session.work import Work, saved_as, undone
 from console.tui.desk import Desk, View
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import Line, dim, hanging, line
+from console.tui.lines import Line, dim, hanging, line, name_in
 from console.tui.page import Page
 from console.tui.pages.fields import FORM, FormField, free_name, judge, name_problem, named, with_unit, written
 from console.tui.pages.setup_lines import FormState, draft, finding_lines, form, speed_lines
@@ -308,7 +308,7 @@ class SetupPage(Page):
         job = draft(state)
         self._speed.show(speed_lines(job, self._machine, text, *self._speed.size))
         self._findings.show(finding_lines(check(job, self._machine), text, *self._findings.size, self._told))
-        title = text("setup.title", name=printable(work.job.name))
+        title = text("setup.title", name=name_in(printable(work.job.name), self._form.size.width - 12))
         self._entitle(self._form, title, text("setup.edited") if work.edited else "")
         self._entitle(self._speed, text("setup.at_speed", speed=f"{job.spindle_speed_rpm:.1f}"))
         draft_ = job is not work.job

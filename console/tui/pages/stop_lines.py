@@ -79,7 +79,7 @@ def spindle_line(text: Catalogue, speed_rpm: float | None, width: int) -> Line:
         return fact(label, NOTHING, width, label_width=LABEL_WIDTH)
     if abs(speed_rpm) < TURNING_RPM:
         return fact(label, text("run_page.still"), width, label_width=LABEL_WIDTH)
-    value = f"! {text('run_page.turns')} {speed_rpm:.0f} rpm"
+    value = f"! {text('run_page.turns')} {speed_rpm:z.0f} rpm"
     return fact(label, value, width, label_width=LABEL_WIDTH, token=Token.WARNING)
 
 
