@@ -23,7 +23,7 @@ from typing import Any
 from benchmarks.measure import extent, print_table
 
 SEEDS = extent(20, 1)
-PARTS = 3
+PARTS = extent(3, 2)
 JOBS = ("lee-2001-experiment-1", "lee-2001-experiment-2")[: extent(2, 1)]
 
 OFF = """\

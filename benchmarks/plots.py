@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from benchmarks.measure import extent, print_table
 from benchmarks.plot_apps import FRAME_S, PAGES
 
-FRAMES = extent(60, 10)
-SIZES = ((80, 24), (160, 48))
+FRAMES = extent(60, 5)
+SIZES = ((80, 24), (160, 48))[: extent(2, 1)]
 CHUNK = 65536
 
 

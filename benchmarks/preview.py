@@ -36,7 +36,7 @@ from tests.tui.stage import experiment
 RUNS = extent(7, 1)
 JOB, MACHINE = "lee-2001-experiment-1", "lee-2001-lathe"
 BASELINE = "lobe, command, drive, rules (baseline)"
-SIZES = ((80, 24), (160, 48))
+SIZES = ((80, 24), (160, 48))[: extent(2, 1)]
 FIRST_RPM = 900
 FRAME_S = 0.05
 """One refresh of the screen."""

@@ -21,9 +21,9 @@ from drivers.snapshot import Snapshot
 from tests.console.floor import experiment_1, open_floor
 from tests.terminal import Terminal
 
-SIZES = ((80, 24), (160, 48))
+SIZES = ((80, 24), (160, 48))[: extent(2, 1)]
 FRAME_S = 0.1
-FRAMES = extent(60, 10)
+FRAMES = extent(60, 5)
 CUT_MM = extent(6.0, 1.0)
 """As long a cut as the frames take."""
 
