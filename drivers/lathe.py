@@ -21,7 +21,7 @@ from drivers.jogs import Jogs, band_counts
 from drivers.loading import STOPPED_BY, Loading
 from drivers.looks import LOOK_TIMEOUT_S, Looks
 from drivers.motion import Motion
-from drivers.ownership import NOBODY, Ownership, Standing
+from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.program_text import ProgramText
@@ -31,6 +31,7 @@ from drivers.pmac.verification import differences
 from drivers.resting import prove_rest
 from drivers.sending import Sending
 from drivers.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
+from drivers.standing import NOBODY, Standing
 from drivers.stop import StopPath
 from drivers.travel import overrun_counts
 from profiles.machine import MachineProfile

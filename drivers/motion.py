@@ -9,10 +9,11 @@ from drivers.errors import DriverError
 from drivers.guards import Guard, open_loop_problem, reset_problem, unguarded
 from drivers.heartbeat import LAPSED, Heartbeat
 from drivers.looks import Looks
-from drivers.ownership import Ownership, Standing
+from drivers.ownership import Ownership
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.safety import device_problems
 from drivers.snapshot import AxisName, Snapshot
+from drivers.standing import Standing
 from drivers.stop import StopPath
 from profiles.problem import Problem
 

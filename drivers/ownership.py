@@ -10,7 +10,6 @@ whole before the next one of any host: the number is exchanged only where it sti
 
 from __future__ import annotations
 
-from enum import StrEnum, auto
 from random import Random, SystemRandom
 
 from drivers.errors import DriverError, LinkError, RefusedError
@@ -18,9 +17,9 @@ from drivers.link.base import GONE
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import OWNER
+from drivers.standing import NOBODY, Standing
 from profiles.problem import Problem
 
-NOBODY = 0
 OWNER_ITEM = f"P{OWNER}"
 """What to ask the controller for."""
 
@@ -37,17 +36,6 @@ def exchange_line(before: float, after: int) -> str:
     sought = f"{'-' if before >= 0.0 else '+'}{format_number(abs(before))}"
     same = f"INT(1.5/(ABS({OWNER_ITEM}{sought})+1))"
     return f"{OWNER_ITEM}={OWNER_ITEM}*(1-{same})+{after}*{same} {OWNER_ITEM}"
-
-
-class Standing(StrEnum):
-    """What this console is to the machine."""
-
-    OBSERVER = auto()
-    OWNER = auto()
-    OUSTED = auto()
-    """It was the owner, and somebody else has written another number: whatever was armed or moves is not ours."""
-    CHANGING = auto()
-    """A claim, a take-over or a release is on its way: only its answer tells whose the machine is."""
 
 
 class Ownership:

@@ -17,11 +17,12 @@ from console.cli.stopping import Stopping
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from drivers.errors import DriverError
-from drivers.ownership import Ownership, Standing
+from drivers.ownership import Ownership
 from drivers.pmac.checksums import LineCheck
 from drivers.pmac.configuration.check import Check, Group, Outcome, worst
 from drivers.pmac.configuration.proofs.bench import names_of, unproven
 from drivers.pmac.configuration.verification import Verification, in_order, verify
+from drivers.standing import Standing
 
 
 def main(options: Namespace, text: Catalogue) -> int:

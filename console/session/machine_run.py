@@ -12,7 +12,7 @@ from console.session.reaching import Reached
 from console.session.sequence import Shop
 from console.session.signals import Interruption
 from drivers.lathe import Lathe
-from drivers.ownership import Standing
+from drivers.standing import Standing
 from profiles.problem import ProblemError
 
 

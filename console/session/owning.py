@@ -11,7 +11,7 @@ from pathlib import Path
 from console.session.console_lock import ConsoleLock
 from drivers.errors import RefusedError
 from drivers.lathe import Lathe
-from drivers.ownership import NOBODY
+from drivers.standing import NOBODY
 from profiles.files import make_private_file, make_private_folder
 from profiles.problem import Problem
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from console.session.alarms import Alarms
 from console.session.alignment import Alignment
-from drivers.ownership import NOBODY, Standing
 from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import Snapshot
+from drivers.standing import NOBODY, Standing
 from profiles.problem import Problem
 
 if TYPE_CHECKING:

@@ -32,8 +32,8 @@ from console.session.watches import watch_axes, watch_devices, watch_guard, watc
 from console.session.workplace import Workplace
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.link.base import GONE
-from drivers.ownership import Standing
 from drivers.snapshot import Snapshot
+from drivers.standing import Standing
 from drivers.stop import StoppedError
 from profiles.problem import Problem, ProblemError
 

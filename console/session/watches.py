@@ -6,10 +6,10 @@ from console.session.alarms import HOME_LOST, with_faults
 from console.session.alignment import handed_over
 from console.session.state import MOVING
 from console.session.workplace import Workplace
-from drivers.ownership import Standing
 from drivers.pmac.heartbeat.arming import lost_problem
 from drivers.safety import device_problems
 from drivers.snapshot import Snapshot
+from drivers.standing import Standing
 from profiles.problem import Problem
 
 

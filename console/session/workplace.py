@@ -17,9 +17,9 @@ from console.session.state import Armed, StationState
 from drivers.clock import Clock
 from drivers.cut import CutPlan
 from drivers.lathe import Lathe
-from drivers.ownership import Standing
 from drivers.simulator.shop_view import ShopView
 from drivers.snapshot import Snapshot
+from drivers.standing import Standing
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

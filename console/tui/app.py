@@ -174,6 +174,7 @@ class ConsoleApp(App[None]):
             self._show_small()
             return
         if not self._reading and page.size.area:  # before the first layout no panel knows its room
+            page.fit()
             self._safely(lambda: page.show(view))
         self._safely(lambda: self._show_frame(page, view))
 

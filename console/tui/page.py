@@ -21,6 +21,9 @@ class Page(Container):
         super().__init__(id=f"page-{self.name_}", classes="page")
         self.desk = desk
 
+    def fit(self) -> None:
+        """Take the layout that suits the height: asked at each tick, for a page may miss an event while it is mounted."""
+
     def show(self, view: View) -> None:
         """Show the newest state. Called only while the page is the one that is seen."""
 

@@ -22,8 +22,8 @@ LEAST_TOOL_UM = 4.0
 """A moment that is off by less stands out from no real cut."""
 
 LEAST_CARRIAGE_MM = 0.02
-LEAST_SPINDLE_TURNS = 0.25
-"""The times of polls are known to some milliseconds only."""
+LEAST_SPINDLE_S = 0.1
+"""The time is that of the host, and one that is held up, or a simulated controller that is, loses some of it."""
 
 FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
 MOST_OF_LOBE = 0.5
@@ -124,8 +124,9 @@ class PathSeen:
 
     def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
         """It turns evenly, as long as nobody has held the program or gone on elsewhere in it."""
-        left = np.abs(_left(turns, [np.ones_like(turns), at_s - at_s[0]])[0])
-        limit = max(LEAST_SPINDLE_TURNS, TIMES_USUAL * float(np.median(left)))
+        off, found = _left(turns, [np.ones_like(turns), at_s - at_s[0]])
+        left, turns_a_second = np.abs(off), abs(float(found[1]))
+        limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
         if left.max() > limit:
             value, allowed = f"{left.max():.2f} rev", f"{limit:.2f} rev"
             yield Problem(code="cut.off_path", key=AxisName.SPINDLE, value=value, limit=allowed)

@@ -34,9 +34,9 @@ from console.session.made_parts import MadeWith
 from console.session.orders import ORDERS
 from console.session.state import Activity, Armed
 from drivers.cut import Strategy, plan_cut
-from drivers.ownership import Standing
 from drivers.simulator.machine import SimulatedLathe
 from drivers.snapshot import AxisName, Snapshot
+from drivers.standing import Standing
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
 from tests.console.floor import experiment_1

@@ -15,11 +15,11 @@ from console.session.errors import Interrupted
 from console.session.machine_run import guard, leave
 from console.session.signals import Interruption
 from drivers.errors import RefusedError
-from drivers.ownership import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from drivers.snapshot import Snapshot
+from drivers.standing import NOBODY, Standing
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, OneConsole, console_of

@@ -75,7 +75,7 @@ def test_a_moment_in_which_the_carriage_was_ahead_is_told() -> None:
 
 
 def test_a_spindle_that_was_elsewhere_for_a_moment_is_told() -> None:
-    assert "spindle" in told(turns=1.5)
+    assert "spindle" in told(turns=2.5)
 
 
 def test_a_lobe_that_is_followed_out_of_phase_from_the_first_turn_on_is_told() -> None:

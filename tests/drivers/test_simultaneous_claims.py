@@ -17,11 +17,12 @@ from hypothesis import strategies as st
 
 from drivers.errors import DriverError, RefusedError
 from drivers.link.memory import MemoryLink
-from drivers.ownership import HIGHEST, NOBODY, OWNER_ITEM, Ownership, Standing, exchange_line
+from drivers.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
+from drivers.standing import NOBODY, Standing
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
 from tests.drivers.turns import TurnLink, Turns

@@ -14,11 +14,12 @@ import pytest
 from drivers.clock import RealClock
 from drivers.link.address import TcpAddress
 from drivers.link.opening import open_link
-from drivers.ownership import NOBODY, OWNER_ITEM
+from drivers.ownership import OWNER_ITEM
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC
 from drivers.pmac.status import decode
 from drivers.simulator.machine import SimulatedLathe
+from drivers.standing import NOBODY
 from tests.system.patient_card import patient_card
 from tests.system.run_over_link import Order, order
 from tests.terminal import Terminal

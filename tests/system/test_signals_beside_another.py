@@ -17,11 +17,11 @@ from pathlib import Path
 import pytest
 
 from drivers.link.memory import MemoryLink
-from drivers.ownership import NOBODY
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
+from drivers.standing import NOBODY
 from profiles.store import load_machine
 from tests.signed_profile import signed_copy
 from tests.system.patient_card import PatientCard, patient_card

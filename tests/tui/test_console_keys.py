@@ -19,7 +19,7 @@ from console.tui.gate import FieldKind
 from console.tui.held import HeldKeys
 from console.tui.keymap import ACTIONS, PageName
 from drivers.cut import Strategy, plan_cut
-from drivers.ownership import Standing
+from drivers.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.scenes import Scene, application, fill, played

@@ -154,12 +154,16 @@ class PreviewPage(Page):
         if not same or self._sizes != self._painted_for:
             self._paint()
 
-    def on_resize(self, event: Resize) -> None:
-        """Make the best of the new size."""
-        height = event.size.height
+    def fit(self) -> None:
+        """Plots where there is room for them."""
+        height = self.size.height
         self.set_class(height < ROWS_FOR_PLOTS, "-bare")
         self.set_class(_ROOMY_ROWS <= height < _TALL_ROWS, "-roomy")
         self.set_class(height >= _TALL_ROWS, "-tall")
+
+    def on_resize(self, event: Resize) -> None:
+        """Make the best of the new size."""
+        self.fit()
         self.call_after_refresh(self._paint)
 
     def act(self, action: str) -> None:

@@ -7,7 +7,6 @@ from enum import Enum, auto
 from textual.app import ComposeResult
 from textual.containers import Vertical
 from textual.content import Content
-from textual.events import Resize
 from textual.widgets import Input
 
 from console.session.calibrated_chuck import warnings_of
@@ -94,9 +93,9 @@ class SetupPage(Page):
             yield self._findings
         yield self._entry
 
-    def on_resize(self, event: Resize) -> None:
+    def fit(self) -> None:
         """Leave the findings their room on a low terminal."""
-        self.set_class(event.size.height < _TIGHT_BELOW_ROWS, "tight")
+        self.set_class(self.size.height < _TIGHT_BELOW_ROWS, "tight")
 
     @property
     def field(self) -> FieldKind:
