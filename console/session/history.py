@@ -13,9 +13,10 @@ from profiles.own_values import number, text
 LOCK_TIMEOUT_S = 0.1
 """How long a writer is waited for; a list of jobs is not worth more."""
 
+# By row, which is the order in which they were added: a clock may have been set back meanwhile.
 _QUERY = """
 SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
-WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.at_utc
+WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
 """
 
 
@@ -49,7 +50,7 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
             job, ront_um = text(event["job"]), number(event["ront_um"])
             strategy = text(event.get("strategy", ""))
             measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
             continue  # written by another version
         parts = results[job].parts + 1 if job in results else 1
         results[job] = LastResult(ront_um=ront_um, measured_at=measured_at, strategy=strategy, parts=parts)
