@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from console.session.errors import SessionError
 from profiles.own_values import number, text
 
 LOCK_TIMEOUT_S = 0.1
@@ -62,18 +63,9 @@ def _measured(folder: Path, simulated: bool) -> list[tuple[str, str]]:
     # The first page is painted before anything is read.
     import sqlite3
 
-    from console.session.records import FILE_NAME
+    from console.session.record_file import rows
 
-    path = folder / FILE_NAME
-    if not path.is_file():
-        return []
     try:
-        database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=LOCK_TIMEOUT_S)
-    except sqlite3.Error:
+        return rows(folder, _QUERY, (int(simulated),), LOCK_TIMEOUT_S)
+    except (SessionError, sqlite3.Error):
         return []
-    try:
-        return database.execute(_QUERY, (int(simulated),)).fetchall()
-    except sqlite3.Error:
-        return []
-    finally:
-        database.close()

@@ -103,7 +103,7 @@ def parts_made(folder: Path, asked: HoldsFor) -> list[MadeWith | None]:
     """Return how the parts of this job on this machine were cut, newest first, None where the record does not say.
 
     Raises:
-        SessionError: `record.unreadable`.
+        SessionError: `record.unreadable`, `record.other_schema`.
     """
     return [made for kind, data, _ in _cuts(folder, asked) for made in _made(kind, data)]
 
@@ -112,7 +112,7 @@ def date_problems(folder: Path, asked: HoldsFor) -> tuple[Problem, ...]:
     """Return `record.date_ahead` where a cut of this job on this machine is dated in the future: the last of them.
 
     Raises:
-        SessionError: `record.unreadable`.
+        SessionError: `record.unreadable`, `record.other_schema`.
     """
     now = utc_now()
     found = next((at_utc for _, _, at_utc in _cuts(folder, asked) if is_ahead(at_utc, now)), None)
@@ -125,20 +125,12 @@ def _cuts(folder: Path, asked: HoldsFor) -> list[tuple[str, str, str]]:
     """Return kind, data and date of the cuts of this job on this machine, the last one first."""
     import sqlite3
 
-    from console.session.records import FILE_NAME
+    from console.session.record_file import FILE_NAME, record_error, rows
 
-    path = folder / FILE_NAME
-    if not path.is_file():
-        return []
     try:
-        database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=LOCK_TIMEOUT_S)
-        try:
-            keys = (int(asked.simulated), asked.job_sha256, asked.machine_sha256)
-            return database.execute(_QUERY, keys).fetchall()
-        finally:
-            database.close()
+        return rows(folder, _QUERY, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
     except sqlite3.Error as error:
-        raise SessionError(Problem(code="record.unreadable", where=str(path), value=str(error))) from error
+        raise record_error("record.unreadable", folder / FILE_NAME, error) from error
 
 
 def _made(kind: str, data: str) -> list[MadeWith | None]:

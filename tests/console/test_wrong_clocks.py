@@ -85,7 +85,7 @@ def test_a_calibration_that_was_named_by_its_date_comes_before_all_with_a_number
 
 def record_cut(data: Path, monkeypatch: pytest.MonkeyPatch, at: str, compensation: int | None) -> None:
     """Add a run of the job to the record, at that time of 30 November 2001."""
-    monkeypatch.setattr(records, "_now", lambda: f"2001-11-30T{at}:00.000+00:00")
+    monkeypatch.setattr(records, "now_utc", lambda: f"2001-11-30T{at}:00.000+00:00")
     run = RunRecord(
         data,
         {
