@@ -41,8 +41,10 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.run_order import ordered
     from console.cli.warn import tell
     from console.session.killed_runs import killed_runs
+    from profiles.files import remove_all_left
 
     order = ordered(options)
+    remove_all_left(data_of(options))
     killed = killed_runs(data_of(options), order.machine.machine.name, simulated=order.simulated)
     warnings = tell((*killed, *order.warnings), text)
     if order.address is not None and not _agreed(options, order, text):

@@ -16,6 +16,7 @@ from console.session.workplace import Workplace
 from drivers.link.address import LinkAddress
 from drivers.link.tracing import Tracing
 from drivers.snapshot import Snapshot
+from profiles.files import remove_all_left
 from profiles.store import LoadedMachine
 
 
@@ -49,6 +50,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
     place.tell(address=reached.address)
     for problem in warnings_of(machine):
         place.alarm(problem, Priority.LOW)
+    remove_all_left(data)
     for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
         place.alarm(problem, Priority.MEDIUM)
     seen.append(Station(place))
