@@ -181,7 +181,7 @@ def _line_variance(kept: Calibration, file: Path) -> tuple[float, float, float]:
     try:
         u00, u01, u11 = (number(each) for each in kept.found["covariance"])
         square = number(kept.found["sd_n"]) ** 2
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise record_problem(file, str(error)) from error
     variance = (square * u00, square * u01, square * u11)
     if not (all(math.isfinite(each) for each in variance) and variance[0] >= 0 and variance[2] >= 0):

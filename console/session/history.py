@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from console.session.errors import SessionError
-from profiles.own_values import number, text
+from profiles.own_values import from_json, number, text
 
 LOCK_TIMEOUT_S = 0.1
 """How long a writer is waited for; a list of jobs is not worth more."""
@@ -47,11 +46,11 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
     results: dict[str, LastResult] = {}
     for data, at_utc in _measured(folder, simulated):
         try:
-            event = json.loads(data)
+            event = from_json(data)
             job, ront_um = text(event["job"]), number(event["ront_um"])
             strategy = text(event.get("strategy", ""))
             measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             continue  # written by another version
         parts = results[job].parts + 1 if job in results else 1
         results[job] = LastResult(ront_um=ront_um, measured_at=measured_at, strategy=strategy, parts=parts)

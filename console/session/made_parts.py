@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from console.session.learned_store import NONE
 from console.session.stages import Stage
 from profiles.files import printable
 from profiles.learned import HoldsFor
-from profiles.own_values import number, text, whole
+from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
 
 LOCK_TIMEOUT_S = 1.0
@@ -136,12 +135,12 @@ def _cuts(folder: Path, asked: HoldsFor) -> list[tuple[str, str, str]]:
 def _made(kind: str, data: str) -> list[MadeWith | None]:
     """Return the part of an event; nothing for a cut in air, or parts in a row, which learn by themselves."""
     try:
-        event = json.loads(data)
+        event = from_json(data)
         strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
         version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
         compensation = NONE if version is None else str(whole(version))
         cut_jaw_1_deg = AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg))
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError):
         # Written by another version of the console; of a cut on the screen it did not say how it was made.
         return [None] if kind == "cut" else []
     if stage == Stage.AIR or "passes" in event:
