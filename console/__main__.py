@@ -49,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     text: Catalogue | None = None
     try:
         _replace_closed_streams()
+        _escape_streams()
         words = list(sys.argv[1:] if arguments is None else arguments)
         text = _catalogue(words)
         return _flushed(_run(words, text), text)
@@ -182,6 +183,12 @@ def _forget_output() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
+
+
+def _escape_streams() -> None:
+    from console.cli.escaped_output import escape_streams
+
+    escape_streams()
 
 
 def _replace_closed_streams() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 import stat
 import tomllib
@@ -16,12 +17,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from profiles.left_files import made_locked, remove_if_left
 from profiles.problem import Problem, ProfileError
 
 TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
 TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
+
+_TEMPORARY = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
 PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
 """Permissions of what is nobody's but its owner's."""
@@ -118,6 +122,7 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
     """Put `content` under `path` in one step, through a synchronised temporary file beside it.
 
     A `private` file is its owner's alone, whatever the umask. A symbolic link is followed, so the link stays.
+    Temporary files of the same name, which writers have left that were killed, are taken away.
     Raises `ProfileError` with `file.exists` (and `overwrite` is false) or `file.not_writable`.
     """
     where = printable(str(path))
@@ -126,9 +131,10 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
         target = path.resolve()
         beside = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
         existing = _mode_of_existing(target)
+        remove_left(target.parent, target.name)
         mode = PRIVATE_FILE if private else existing
         made = PRIVATE_FILE if private else 0o666
-        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, made)
+        descriptor = made_locked(beside, made)
         temporary = beside
         with os.fdopen(descriptor, "wb") as file:
             if mode is not None:
@@ -136,7 +142,8 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        _move(temporary, target, overwrite=overwrite)
+            # Not closed before: with its lock goes what says that somebody is at it.
+            _move(temporary, target, overwrite=overwrite)
         _synchronise_folder(target.parent)
     except FileExistsError as error:
         raise ProfileError(Problem(code="file.exists", where=where)) from error
@@ -146,6 +153,27 @@ def write_atomically(path: Path, content: bytes, *, overwrite: bool, private: bo
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def remove_left(folder: Path, name: str = "") -> None:
+    """Take away the temporary files that killed writers have left in a folder: those of one name, or all.
+
+    All are meant for folders in which nobody else has files.
+    """
+    try:
+        found = list(os.scandir(folder))
+    except OSError:  # it is made with the first file
+        return
+    for entry in found:
+        left = _TEMPORARY.fullmatch(entry.name)
+        if left is not None and name in ("", left[1]):
+            remove_if_left(Path(entry.path))
+
+
+def remove_all_left(folder: Path) -> None:
+    """Take away the temporary files that killed writers have left in a folder of ours and all below it."""
+    for inner, _, _ in os.walk(folder):
+        remove_left(Path(inner))
 
 
 def _line_and_column(content: bytes, offset: int) -> tuple[int, int]:

@@ -6,14 +6,40 @@ truth value, 2.7 no whole number, "1e3" no number, and neither infinity nor NaN 
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from enum import Enum
 from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 Record = TypeVar("Record")
+
+DEPTH_CAP = 40
+"""Far above what any file of ours has: what is deeper ends in a fault of Python where it is read or shown."""
+
+
+def from_json(content: str | bytes) -> Any:
+    """Return what is in a JSON text.
+
+    Raises:
+        ValueError: it is none, or nested too deeply.
+    """
+    try:
+        found = json.loads(content)
+    except RecursionError:
+        raise ValueError(f"> {DEPTH_CAP} levels") from None
+    level: list[Any] = [found]
+    for _ in range(DEPTH_CAP):
+        level = [inner for each in level if isinstance(each, dict | list) for inner in _inside(each)]
+        if not level:
+            return found
+    raise ValueError(f"> {DEPTH_CAP} levels")
+
+
+def _inside(value: dict[str, Any] | list[Any]) -> Iterable[Any]:
+    return value.values() if isinstance(value, dict) else value
 
 
 def number(value: object) -> float:

@@ -19,7 +19,11 @@ def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalog
         print(f"console {command}: {text('agreement.nobody_to_ask')}", file=sys.stderr)
         return False
     print(text(f"agreement.ask.{command}", machine=machine_name), end="", file=sys.stderr, flush=True)
-    if sys.stdin.readline().strip() == machine_name:
+    try:
+        typed = sys.stdin.readline().strip()
+    except UnicodeDecodeError:  # no name in the encoding that the terminal is said to have
+        typed = ""
+    if typed == machine_name:
         return True
     print(f"console {command}: {text('agreement.not_typed')}", file=sys.stderr)
     return False

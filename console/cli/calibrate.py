@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from datetime import UTC, datetime
 
+from console.session.dates import utc_now
 from console.text.catalogue import Catalogue
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Fit what was measured and print it with its confidence; keep it where that was asked for."""
-    date = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    date = utc_now()
     if options.action == "chuck":
         from console.cli.calibrate_chuck import calibrate_chuck
 

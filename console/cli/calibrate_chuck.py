@@ -12,7 +12,7 @@ from console.cli.library import data_of, machine_of
 from console.cli.output import print_json
 from console.cli.warn import tell
 from console.session.calibrated_chuck import refuse_unusable
-from console.session.calibrations import Calibration, newest, store
+from console.session.calibrations import Calibration, date_problems, newest, store
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.deflection import DeflectionFit, fit_deflection
@@ -62,7 +62,8 @@ def calibrate_chuck(options: Namespace, text: Catalogue, date: str) -> int:
         chuck=loaded.machine.chuck.name,
     )
     kept = str(store(data, calibration)) if options.keep else None
-    warnings = tell(_warnings(fit, measured, where), text)
+    dated = () if before is None else date_problems(*before)
+    warnings = tell((*_warnings(fit, measured, where), *dated), text)
     if options.json:
         bands = {key: asdict(band) for key, band in asked.items()}
         print_json({**asdict(calibration), "asked": bands, "kept": kept, "warnings": warnings})

@@ -6,10 +6,10 @@ import sys
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from console.session.dates import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
@@ -189,7 +189,6 @@ def _identified(
         origin = origin_of(rig, version=version, kind=kind, simulated=simulated)
         teller.begin(origin)
         take_up(rig)
-        date = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        return identify(rig, request, origin, date, teller.tell)
+        return identify(rig, request, origin, utc_now(), teller.tell)
     finally:
         leave(rig.lathe, owning)

@@ -11,8 +11,9 @@ from console.cli.library import data_of, job_of, judged_of
 from console.cli.output import print_json
 from console.cli.warn import tell
 from console.session.calibrated_chuck import CalibratedMachine
+from console.session.dates import utc_now
 from console.session.errors import SessionError
-from console.session.learned_store import asked_for, store, utc_now, versions
+from console.session.learned_store import asked_for, store, versions
 from console.session.lessons import SIMULATED, reverted, taught
 from console.session.made_parts import KEYS
 from console.text.catalogue import Catalogue

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from console.session.dates import is_ahead
 from console.session.lessons import Taught
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -106,7 +107,7 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
     reverts = version.reverts
     return (
         str(version.version),
-        version.date,
+        f"{version.date} {text('learned.date_ahead')}" if is_ahead(version.date) else version.date,
         version.holds_for.strategy,
         str(version.parent) if reverts is None else text("learned.again", version=reverts),
         f"{version.gain:g}",

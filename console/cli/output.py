@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 
+from console.text.escaping import encodable, escaped
 from profiles.roundness import RoundnessResult
 
 
 def print_json(value: Mapping[str, object]) -> None:
     """Print one JSON object. Numbers are not rounded; there is no NaN in JSON, so none may be in `value`."""
     shown = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
-    try:
-        shown.encode("utf-8")
-    except UnicodeEncodeError:  # a file name that is no text; escaped, it can be printed
+    # What the stream would escape or replace, such as a file name that is no text, JSON can say in its own way.
+    if encodable(escaped(shown), sys.stdout.encoding) != shown:
         shown = json.dumps(value, allow_nan=False, indent=2)
     print(shown)
 

@@ -37,11 +37,16 @@ def main(options: Namespace, text: Catalogue) -> int:
         print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; the signals are already in hand.
+    from console.cli.library import data_of
     from console.cli.run_order import ordered
     from console.cli.warn import tell
+    from console.session.killed_runs import killed_runs
+    from profiles.files import remove_all_left
 
     order = ordered(options)
-    warnings = tell((*order.machine.warnings, *order.plan.warnings), text)
+    remove_all_left(data_of(options))
+    killed = killed_runs(data_of(options), order.machine.machine.name, simulated=order.simulated)
+    warnings = tell((*killed, *order.warnings), text)
     if order.address is not None and not _agreed(options, order, text):
         return 1
     _cut(options, order, interruption, warnings, text)

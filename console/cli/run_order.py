@@ -11,7 +11,7 @@ from console.cli.simulation import iron_told
 from console.session.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.errors import SessionError
 from console.session.identified_response import response_in
-from console.session.learned_store import NONE, asked_for, chosen, versions
+from console.session.learned_store import NONE, asked_for, chosen, date_problems, versions
 from console.session.learning import refuse_unlearnable
 from console.session.run import RunPlan, plan_run
 from console.session.stages import Stage, nominal_path
@@ -35,7 +35,7 @@ class RunOrder:
     """`address` is None for a simulated machine in this process, in the time that computing it takes.
 
     `true` is what that one is really like, None as its profile says. `parts` are so many in a row that learn.
-    `part_file` is where the trace of the part is written.
+    `part_file` is where the trace of the part is written. `warnings` are told before anything moves.
     """
 
     job: LoadedJob
@@ -45,6 +45,7 @@ class RunOrder:
     true: TrueParameters | None = None
     parts: int | None = None
     part_file: Path | None = None
+    warnings: tuple[Problem, ...] = ()
 
     @property
     def simulated(self) -> bool:
@@ -91,6 +92,7 @@ def ordered(options: Namespace) -> RunOrder:
         true=true,
         parts=options.learn,
         part_file=part_file,
+        warnings=(*machine.warnings, *date_problems(learned), *plan.warnings),
     )
 
 

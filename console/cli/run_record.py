@@ -10,18 +10,19 @@ from typing import TypeVar
 
 from console.cli.run_order import RunOrder
 from console.session.errors import SessionError
-from console.session.records import RunRecord
+from console.session.records import DRIVES_ON_PATIENCE_S, OPEN_PATIENCE_S, RunRecord
 
 Result = TypeVar("Result")
 
 
 def begin_record(data: Path, order: RunOrder) -> RunRecord:
-    """Begin the record of a run, in the data folder.
+    """Begin the record of a run, in the data folder. On a lathe in this process no drive waits for other writers.
 
     Raises:
-        SessionError: `record.unwritable`; nothing was started.
+        SessionError: as `RunRecord`; nothing was started.
     """
-    return RunRecord(data, _described(order))
+    patience_s = OPEN_PATIENCE_S if order.address is None else DRIVES_ON_PATIENCE_S
+    return RunRecord(data, _described(order), open_patience_s=OPEN_PATIENCE_S, patience_s=patience_s)
 
 
 def recorded(

@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
+from console.text.escaping import escaped_line
 from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
 
@@ -134,4 +135,4 @@ def _to_stderr(line: str) -> None:
     with suppress(OSError, ValueError):
         number = sys.__stderr__.fileno() if sys.__stderr__ is not None else 2
         if select.select([], [number], [], 0.0)[1]:
-            os.write(number, f"console: {line}\n".encode(errors="replace"))
+            os.write(number, f"console: {escaped_line(line)}\n".encode(errors="replace"))

@@ -18,7 +18,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from console.session.calibrations import Calibration, files_of, load, newest, record_problem
+from console.session.calibrations import (
+    Calibration,
+    date_problems,
+    files_of,
+    load,
+    newest,
+    record_problem,
+)
 from profiles.fields import fault, spelled
 from profiles.files import printable
 from profiles.machine import MachineProfile
@@ -74,6 +81,7 @@ def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
             warnings += [_other_chuck(load(file, machine.name, kind), machine) for file in files]
             continue
         file, kept = of_chuck
+        warnings += date_problems(file, kept)
         values = _values(kept, may_say, file)
         found |= {key: (value, kept.date) for key, value in values.items() if _is_open(key, machine)}
         if LINE[0] in found and kind == WRENCH:
@@ -173,7 +181,7 @@ def _line_variance(kept: Calibration, file: Path) -> tuple[float, float, float]:
     try:
         u00, u01, u11 = (number(each) for each in kept.found["covariance"])
         square = number(kept.found["sd_n"]) ** 2
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise record_problem(file, str(error)) from error
     variance = (square * u00, square * u01, square * u11)
     if not (all(math.isfinite(each) for each in variance) and variance[0] >= 0 and variance[2] >= 0):

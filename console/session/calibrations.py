@@ -1,13 +1,19 @@
-"""Calibrations on the disk: one file each, never overwritten, found again by what they are of."""
+"""Calibrations on the disk: one file each, never overwritten, found again by what they are of.
+
+They are numbered in the order in which they were kept, as versions are: a date is no order, because a clock may be
+wrong. Older files have a date in the place of the number, and come before all that have one.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from console.session.kept_files import folder_name, keep, kept, make_folder, stamp
+from console.session.dates import is_ahead, utc_now
+from console.session.kept_files import folder_name, keep, kept, make_folder
 from console.session.paths import jobs_folder
 from profiles.files import printable
 from profiles.job import Job, copy_of
@@ -17,6 +23,10 @@ from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
 
 FOLDER = "calibrations"
 SCHEMA = 1
+
+_NUMBER = re.compile(r"-(\d{6})\.json")
+_TRIES = 50
+"""So many others may keep one of the same kind in the same instant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,37 +59,60 @@ def store(data: Path, calibration: Calibration) -> Path:
     Raises:
         ProfileError: `file.exists`, `file.not_writable`.
     """
-    folder = _folder(data, calibration.subject)
-    path = folder / f"{calibration.kind}-{stamp(calibration.date)}.json"
-    keep(path, asdict(calibration))
+    kind, folder = calibration.kind, _folder(data, calibration.subject)
+    number = max((_number(file) for file in files_of(data, calibration.subject, kind)), default=0)
+    for tried in range(1, _TRIES + 1):
+        path = folder / f"{kind}-{number + tried:06d}.json"
+        try:
+            keep(path, asdict(calibration))
+        except ProfileError as error:
+            if error.problems[0].code != "file.exists" or tried == _TRIES:
+                raise
+        else:
+            break
     return path
 
 
 def files_of(data: Path, subject: str, kind: str) -> list[Path]:
-    """Return the files of the calibrations of a kind, the latest first.
+    """Return the files of the calibrations of a kind, the last that was kept first.
 
     Raises:
         ProfileError: `file.unreadable`, the folder.
     """
     folder = _folder(data, subject)
     try:
-        files = sorted(file for file in folder.iterdir() if file.match(f"{kind}-*.json"))
+        files = [file for file in folder.iterdir() if file.match(f"{kind}-*.json")]
     except (FileNotFoundError, NotADirectoryError):  # it is made with the first calibration that is kept
         return []
     except OSError as error:
         where, value = printable(str(folder)), error.strerror or str(error)
         raise ProfileError(Problem(code="file.unreadable", where=where, value=value)) from error
-    return files[::-1]
+    return sorted(files, key=lambda file: (_number(file), file.name), reverse=True)
+
+
+def _number(file: Path) -> int:
+    """Return the number of a file, 0 of one that was named by its date."""
+    found = _NUMBER.search(file.name)
+    return 0 if found is None else int(found[1])
 
 
 def newest(data: Path, subject: str, kind: str, chuck: str) -> tuple[Path, Calibration] | None:
-    """Return the latest calibration of a kind that may be used for a chuck, None where there is none.
+    """Return the calibration of a kind that was kept last for a chuck, None where there is none.
 
     Raises:
         ProfileError: as `files_of` and `load`.
     """
     kept = ((file, load(file, subject, kind)) for file in files_of(data, subject, kind))
     return next((each for each in kept if each[1].is_of(chuck)), None)
+
+
+def date_problems(file: Path, calibration: Calibration) -> tuple[Problem, ...]:
+    """Return `calibration.date_ahead` of one that is dated in the future."""
+    now = utc_now()
+    if not is_ahead(calibration.date, now):
+        return ()
+    where, value = printable(str(file)), printable(calibration.date, 60)
+    return (Problem(code="calibration.date_ahead", where=where, key=calibration.kind, value=value, limit=now),)
 
 
 def record_problem(file: Path, why: str) -> ProfileError:

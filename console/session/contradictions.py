@@ -29,7 +29,7 @@ def contradictions(kept: Calibration, stated: Mapping[str, float | None], file: 
         if kept.kind == CalibrationKind.DEFLECTION:
             return list(_jaws_differ(_fit(kept, DeflectionFit), stated, kept.date))
         return list(_line_differs(_fit(kept, WrenchFit), stated, kept.date))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise record_problem(file, str(error)) from error
 
 

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from profiles.own_values import number, text
+from console.session.errors import SessionError
+from profiles.own_values import from_json, number, text
 
 LOCK_TIMEOUT_S = 0.1
 """How long a writer is waited for; a list of jobs is not worth more."""
 
+# By row, which is the order in which they were added: a clock may have been set back meanwhile.
 _QUERY = """
 SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
-WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.at_utc
+WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
 """
 
 
@@ -45,11 +46,11 @@ def last_results(folder: Path, *, simulated: bool) -> LastResults:
     results: dict[str, LastResult] = {}
     for data, at_utc in _measured(folder, simulated):
         try:
-            event = json.loads(data)
+            event = from_json(data)
             job, ront_um = text(event["job"]), number(event["ront_um"])
             strategy = text(event.get("strategy", ""))
             measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             continue  # written by another version
         parts = results[job].parts + 1 if job in results else 1
         results[job] = LastResult(ront_um=ront_um, measured_at=measured_at, strategy=strategy, parts=parts)
@@ -61,18 +62,9 @@ def _measured(folder: Path, simulated: bool) -> list[tuple[str, str]]:
     # The first page is painted before anything is read.
     import sqlite3
 
-    from console.session.records import FILE_NAME
+    from console.session.record_file import rows
 
-    path = folder / FILE_NAME
-    if not path.is_file():
-        return []
     try:
-        database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=LOCK_TIMEOUT_S)
-    except sqlite3.Error:
+        return rows(folder, _QUERY, (int(simulated),), LOCK_TIMEOUT_S)
+    except (SessionError, sqlite3.Error):
         return []
-    try:
-        return database.execute(_QUERY, (int(simulated),)).fetchall()
-    except sqlite3.Error:
-        return []
-    finally:
-        database.close()

@@ -9,6 +9,7 @@ from typing import Any
 from urllib.parse import quote
 
 from profiles.files import make_private_folder, printable, read_regular_file, write_atomically
+from profiles.own_values import from_json
 from profiles.problem import Problem, ProfileError
 
 CAP_BYTES = 1_000_000
@@ -56,7 +57,7 @@ def kept(file: Path, code: str) -> Any:
     """
     content = read_regular_file(file, cap_bytes=CAP_BYTES)
     try:
-        return json.loads(content)
-    except (ValueError, RecursionError) as error:
+        return from_json(content)
+    except ValueError as error:
         where, value = printable(str(file)), printable(str(error))
         raise ProfileError(Problem(code=code, where=where, value=value)) from error

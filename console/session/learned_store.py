@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from pathlib import Path
 
+from console.session.dates import is_ahead, utc_now
 from console.session.errors import SessionError
 from console.session.kept_files import folder_name, keep, kept
 from profiles.files import printable
@@ -14,11 +14,6 @@ from profiles.store import LoadedJob, LoadedMachine
 
 FOLDER = "learned"
 NONE, NEWEST = "none", "newest"
-
-
-def utc_now() -> str:
-    """Return the date that a version gets, after ISO 8601."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def asked_for(job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulated: bool) -> HoldsFor:
@@ -70,6 +65,15 @@ def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -
     if problems := differences(found, asked):
         raise SessionError(*problems)
     return found
+
+
+def date_problems(learned: LearnedCompensation | None) -> tuple[Problem, ...]:
+    """Return `learned.date_ahead` of a version that is dated in the future; nothing of the model's, None."""
+    now = utc_now()
+    if learned is None or not is_ahead(learned.date, now):
+        return ()
+    value = printable(learned.date, 60)
+    return (Problem(code="learned.date_ahead", key=str(learned.version), value=value, limit=now),)
 
 
 def _load(file: Path) -> LearnedCompensation:

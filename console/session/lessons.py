@@ -10,9 +10,10 @@ from pathlib import Path
 from console.session.alignment import Alignment, JawAngle, aligned_job
 from console.session.errors import SessionError
 from console.session.identified_response import response_in
-from console.session.learned_store import NEWEST, asked_for, chosen, versions
+from console.session.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.made_parts import AS_FILED, CUT_JAW, INVERTED, MadeWith, made_with, parts_made
 from console.session.made_parts import MODEL as MADE_BY_MODEL
+from console.session.made_parts import date_problems as cut_date_problems
 from console.session.run import FILTER_UPR
 from console.session.stages import FOLLOWING, Stage, nominal_path
 from drivers.cut import Strategy
@@ -93,7 +94,10 @@ def taught(
     if identified is not None:
         said = {**said, INVERTED: printable(identified.name)}
     made = made_with(said, trace.meta, parts_made(data, asked))
-    return taught_by(trace, job, machine, data, made, identified, gain=gain, robust=robust, date=date, extra=extra)
+    found = taught_by(
+        trace, job, machine, data, made, identified, gain=gain, robust=robust, date=date, extra=extra
+    )
+    return replace(found, warnings=(*cut_date_problems(data, asked), *found.warnings))
 
 
 def taught_by(
@@ -139,7 +143,8 @@ def taught_by(
         date=date,
     )
     waves = tuple(_left(n, part, lesson, path, stage) for n in orders)
-    return Taught(lesson=lesson, made=made, stage=stage, warnings=part.warnings, waves=waves)
+    warnings = (*date_problems(version), *part.warnings)
+    return Taught(lesson=lesson, made=made, stage=stage, warnings=warnings, waves=waves)
 
 
 def _simulated(trace: Trace) -> bool:

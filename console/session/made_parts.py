@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from console.session.dates import is_ahead, utc_now
 from console.session.errors import SessionError
 from console.session.learned_store import NONE
 from console.session.stages import Stage
+from profiles.files import printable
 from profiles.learned import HoldsFor
-from profiles.own_values import number, text, whole
+from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
 
 LOCK_TIMEOUT_S = 1.0
 
 _QUERY = """
-SELECT events.kind, events.data FROM events JOIN runs USING (run_id)
+SELECT events.kind, events.data, events.at_utc FROM events JOIN runs USING (run_id)
 WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
-ORDER BY events.at_utc DESC
+ORDER BY events.rowid DESC
 """
+"""By row, which is the order in which they were added: a clock may have been set back meanwhile."""
 
 
 INVERTED, MODEL = "inverted", "model"
@@ -100,31 +102,40 @@ def parts_made(folder: Path, asked: HoldsFor) -> list[MadeWith | None]:
     """Return how the parts of this job on this machine were cut, newest first, None where the record does not say.
 
     Raises:
-        SessionError: `record.unreadable`.
+        SessionError: `record.unreadable`, `record.other_schema`.
     """
+    return [made for kind, data, _ in _cuts(folder, asked) for made in _made(kind, data)]
+
+
+def date_problems(folder: Path, asked: HoldsFor) -> tuple[Problem, ...]:
+    """Return `record.date_ahead` where a cut of this job on this machine is dated in the future: the last of them.
+
+    Raises:
+        SessionError: `record.unreadable`, `record.other_schema`.
+    """
+    now = utc_now()
+    found = next((at_utc for _, _, at_utc in _cuts(folder, asked) if is_ahead(at_utc, now)), None)
+    if found is None:
+        return ()
+    return (Problem(code="record.date_ahead", key=asked.job, value=printable(found, 60), limit=now),)
+
+
+def _cuts(folder: Path, asked: HoldsFor) -> list[tuple[str, str, str]]:
+    """Return kind, data and date of the cuts of this job on this machine, the last one first."""
     import sqlite3
 
-    from console.session.records import FILE_NAME
+    from console.session.record_file import FILE_NAME, record_error, rows
 
-    path = folder / FILE_NAME
-    if not path.is_file():
-        return []
     try:
-        database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=LOCK_TIMEOUT_S)
-        try:
-            keys = (int(asked.simulated), asked.job_sha256, asked.machine_sha256)
-            rows = database.execute(_QUERY, keys).fetchall()
-        finally:
-            database.close()
+        return rows(folder, _QUERY, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
     except sqlite3.Error as error:
-        raise SessionError(Problem(code="record.unreadable", where=str(path), value=str(error))) from error
-    return [made for kind, data in rows for made in _made(kind, data)]
+        raise record_error("record.unreadable", folder / FILE_NAME, error) from error
 
 
 def _made(kind: str, data: str) -> list[MadeWith | None]:
     """Return the part of an event; nothing for a cut in air, or parts in a row, which learn by themselves."""
     try:
-        event = json.loads(data)
+        event = from_json(data)
         strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
         version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
         compensation = NONE if version is None else str(whole(version))

@@ -8,6 +8,7 @@ from pathlib import Path
 from console.session.alarms import Priority
 from console.session.calibrated_chuck import warnings_of
 from console.session.commissioned import Commissioned
+from console.session.killed_runs import killed_or_refused
 from console.session.link_thread import Opened
 from console.session.reaching import reach
 from console.session.station import Station
@@ -15,6 +16,7 @@ from console.session.workplace import Workplace
 from drivers.link.address import LinkAddress
 from drivers.link.tracing import Tracing
 from drivers.snapshot import Snapshot
+from profiles.files import remove_all_left
 from profiles.store import LoadedMachine
 
 
@@ -48,6 +50,9 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
     place.tell(address=reached.address)
     for problem in warnings_of(machine):
         place.alarm(problem, Priority.LOW)
+    remove_all_left(data)
+    for problem in killed_or_refused(data, machine.machine.name, simulated=reached.simulated):
+        place.alarm(problem, Priority.MEDIUM)
     seen.append(Station(place))
     return Opened(station=seen[0], stop=reached.stop, close=reached.close)
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from console.session.dates import utc_now
 from console.session.errors import SessionError
-from console.session.learned_store import store, utc_now, versions
+from console.session.learned_store import store, versions
 from console.session.lessons import Taught, reverted, taught_by
 from console.session.made_parts import MadeWith
 from profiles.learned import MODEL, LearnedCompensation

@@ -3,66 +3,65 @@
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 import uuid
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 
-from console.session.errors import SessionError
-from profiles.files import make_private_file, make_private_folder
-from profiles.problem import Problem
+from console.session.record_file import FILE_NAME, now_utc, opened, patiently, record_error
+from console.session.running import RunMark
 
-FILE_NAME = "records.sqlite3"
-LOCK_TIMEOUT_S = 1.0
-"""How long another writer is waited for: the drives may be on meanwhile."""
+OPEN_PATIENCE_S = 30.0
+"""How long other writers are waited for before anything has been started."""
 
-_SCHEMA = """
-PRAGMA user_version = 1;
-CREATE TABLE IF NOT EXISTS runs (
-    run_id TEXT PRIMARY KEY, started_utc TEXT NOT NULL, software TEXT NOT NULL,
-    job TEXT NOT NULL, job_sha256 TEXT NOT NULL, machine TEXT NOT NULL, machine_sha256 TEXT NOT NULL,
-    simulated INTEGER NOT NULL, strategy TEXT NOT NULL, program TEXT NOT NULL
-) STRICT;
-CREATE TABLE IF NOT EXISTS events (
-    run_id TEXT NOT NULL REFERENCES runs(run_id), number INTEGER NOT NULL, at_utc TEXT NOT NULL,
-    kind TEXT NOT NULL, data TEXT NOT NULL, PRIMARY KEY (run_id, number)
-) STRICT;
-CREATE TRIGGER IF NOT EXISTS runs_stay BEFORE UPDATE ON runs BEGIN SELECT RAISE(ABORT, 'append only'); END;
-CREATE TRIGGER IF NOT EXISTS runs_are_kept BEFORE DELETE ON runs BEGIN SELECT RAISE(ABORT, 'append only'); END;
-CREATE TRIGGER IF NOT EXISTS events_stay BEFORE UPDATE ON events BEGIN SELECT RAISE(ABORT, 'append only'); END;
-CREATE TRIGGER IF NOT EXISTS events_are_kept BEFORE DELETE ON events BEGIN SELECT RAISE(ABORT, 'append only'); END;
-"""
+DRIVES_ON_PATIENCE_S = 5.0
+"""The same where the drives may be on meanwhile."""
+
+GONE = "file gone"
 
 
 class RunRecord:
     """The open record of one run."""
 
-    def __init__(self, folder: Path, run: Mapping[str, object]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        run: Mapping[str, object],
+        *,
+        open_patience_s: float = DRIVES_ON_PATIENCE_S,
+        patience_s: float = DRIVES_ON_PATIENCE_S,
+    ) -> None:
         """Open the file in `folder`, which is made when it is missing, and begin a run.
 
-        `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program.
+        `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program. Others who
+        write to the file are waited for as long as `open_patience_s`, at each event as long as `patience_s`.
 
         Raises:
-            SessionError: `record.unwritable`; without a record no machine is started.
+            SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`; without a record no machine
+                is started.
         """
         self._path = folder / FILE_NAME
         self.run_id = uuid.uuid4().hex
         self._count = 0
+        self._patience_s = patience_s
+        self._database = opened(folder, open_patience_s)
         try:
-            make_private_folder(folder)
-            make_private_file(self._path)  # the files beside it become like it
-            self._database = sqlite3.connect(self._path, timeout=LOCK_TIMEOUT_S)
-            self._database.execute("PRAGMA journal_mode=WAL")
-            self._database.executescript(_SCHEMA)
+            self._mark = RunMark(folder, self.run_id)
+        except OSError as error:
+            self._database.close()
+            raise record_error("record.unwritable", self._path, error) from error
+        try:
             columns = ", ".join(("run_id", "started_utc", *run))
             marks = ", ".join("?" * (2 + len(run)))
-            with self._database:
-                self._database.execute(
-                    f"INSERT INTO runs ({columns}) VALUES ({marks})", (self.run_id, _now(), *run.values())
-                )
+            row = (self.run_id, now_utc(), *run.values())
+            self._insert(f"INSERT INTO runs ({columns}) VALUES ({marks})", row, open_patience_s)
+            self._files = self._on_disk()
+            if self._files[0] is None:
+                raise OSError(GONE)
         except (OSError, sqlite3.Error) as error:
-            raise self._error("record.unwritable", error) from error
+            self.close()
+            raise record_error("record.unwritable", self._path, error) from error
 
     def add(self, kind: str, data: Mapping[str, object]) -> None:
         """Add an event; it is on the disk when this returns.
@@ -71,20 +70,45 @@ class RunRecord:
             SessionError: `record.lost`; the run is not to go on unrecorded.
         """
         self._count += 1
-        row = (self.run_id, self._count, _now(), kind, json.dumps(data, ensure_ascii=False))
+        row = (self.run_id, self._count, now_utc(), kind, _text(data))
         try:
-            with self._database:
-                self._database.execute("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row)
+            self._insert("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row, self._patience_s)
         except sqlite3.Error as error:
-            raise self._error("record.lost", error) from error
+            raise record_error("record.lost", self._path, error) from error
+        self.refuse_lost()
+
+    def refuse_lost(self) -> None:
+        """Make sure that what was added is where it can be found again.
+
+        Raises:
+            SessionError: `record.lost`, the file or its folder was taken away, or another is in its place.
+        """
+        # SQLite goes on in a file that has no name any more.
+        if self._on_disk() != self._files:
+            raise record_error("record.lost", self._path, GONE)
 
     def close(self) -> None:
         """Let go of the file."""
         self._database.close()
+        self._mark.close()
 
-    def _error(self, code: str, error: Exception) -> SessionError:
-        return SessionError(Problem(code=code, where=str(self._path), value=str(error)))
+    def _insert(self, line: str, row: tuple[object, ...], patience_s: float) -> None:
+        patiently(lambda: self._database.execute(line, row), patience_s)
+
+    def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
+        """Return device and inode of the database and of its journal, in which the last lines are."""
+        return tuple(_identity(path) for path in (self._path, self._path.with_name(f"{FILE_NAME}-wal")))
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _text(data: Mapping[str, object]) -> str:
+    shown = json.dumps(data, ensure_ascii=False)
+    # A file name need not be text; escaped, it can be kept.
+    return shown if shown.isprintable() else json.dumps(data)

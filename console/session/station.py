@@ -63,6 +63,7 @@ class Station:
         self._slot = threading.Lock()
         self._gone = False
         self._link_time = LinkTime()
+        self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
         self._spindle = SpindleWatch(place.loaded_machine.machine.spindle.counts_per_rev)
 
     @property
@@ -327,6 +328,7 @@ class Station:
         in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
         mark_mm = self._behind_face_mm() if in_part else None
         marks_mm = state.marks_mm if mark_mm is None else (*state.marks_mm, mark_mm)
+        self._noted = None
         place.tell(stops=state.stops + 1, marks_mm=marks_mm)
         of_cut = cut is not None and cut.stage in RUNNING
         return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
@@ -346,8 +348,7 @@ class Station:
         for problem in unproven.problems:
             if problem.code not in known:
                 place.alarm(problem)
-        if place.state.activity is not Activity.LOST or self._gone:
-            self._note("stopped", reason=told.reason, proven=False)
+        self._note_stop(told, proven=False)
         told = replace(told, killed=place.lathe.stop.killed, delivered=place.lathe.stop.delivered)
         place.tell(stop=told, activity=Activity.LOST)
 
@@ -367,7 +368,7 @@ class Station:
             can_retract=snapshot.loops_closed,
         )
         taken = None if rest.taken_s is None else rest.taken_s - rest.sent_s
-        self._note("stopped", reason=told.reason, proven=True, taken_after_s=taken)
+        self._note_stop(told, proven=True, taken_after_s=taken)
         watch_axes(place, snapshot)
         place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
@@ -383,6 +384,19 @@ class Station:
         else:
             watch_axes(place, snapshot)
             place.tell(activity=Activity.STOPPED)
+
+    def _note_stop(self, told: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
+        """Keep a stop in the record once, and later what has become of it: rest that is proven, drives off."""
+        before, killed = self._noted, self._place.lathe.stop.killed
+        self._noted = (proven, killed)
+        if before is None:
+            self._note("stopped", reason=told.reason, proven=proven, killed=killed, taken_after_s=taken_after_s)
+            return
+        was_proven, was_killed = before
+        if killed and not was_killed:
+            self._note("killed", proven=proven)
+        elif proven and not was_proven:
+            self._note("at_rest")
 
     def _note(self, kind: str, **data: object) -> None:
         """Keep in the record what happened; a record that cannot take it does not matter now."""

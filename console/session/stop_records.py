@@ -30,7 +30,7 @@ from drivers.stop_record import StopEntry, StopRecord, stop_key
 from drivers.stop_record_check import StopsNow, record_problems
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile
-from profiles.own_values import record, text
+from profiles.own_values import from_json, record, text
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "stops"
@@ -96,14 +96,14 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
         return None
     content = read_regular_file(path, cap_bytes=CAP_BYTES)
     try:
-        values = json.loads(content)
+        values = from_json(content)
         schema, checksum = values.pop("schema"), values.pop(CHECKSUM, "")
         if refusal := _schema_problem(schema, machine):
             raise ProfileError(replace(refusal, where=printable(str(path))))
         if checksum != hashlib.sha256(content.replace(checksum.encode(), b"")).hexdigest():
             raise ProfileError(Problem(code="stops.changed", where=printable(str(path)), key=machine.name))
         return _record(values)
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         where, value = printable(str(path)), printable(str(error))
         raise ProfileError(Problem(code="stops.unreadable", where=where, key=machine.name, value=value)) from error
 

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from console.session.alarms import Alarms, Priority, cleared, raised
 from console.session.alignment import Alignment, aligned_machine, mounted_on
 from console.session.commissioned import Commissioned
+from console.session.errors import SessionError
 from console.session.owning import Owning
 from console.session.records import RunRecord
 from console.session.state import Armed, StationState
@@ -137,7 +138,11 @@ class Workplace:
             self.record.add(kind, data)
 
     def end_record(self) -> None:
-        """The record of this cut is complete."""
+        """The record of this cut is complete; one that was lost since is told."""
         if self.record is not None:
+            try:
+                self.record.refuse_lost()
+            except SessionError as lost:
+                self.alarm(lost.problems[0], Priority.MEDIUM)
             self.record.close()
             self.record = None

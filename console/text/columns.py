@@ -5,6 +5,8 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 
+from console.text.escaping import escaped_line
+
 
 def cell_width(text: str) -> int:
     """Return how many terminal cells a text takes."""
@@ -27,6 +29,7 @@ def table(rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> list[st
     """Return the rows with equal column widths; `numeric` columns are set to the right."""
     if not rows:
         return []
+    rows = [[escaped_line(cell) for cell in row] for row in rows]  # a name with a line break is no row of its own
     widths = [max(cell_width(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [
         "  ".join(

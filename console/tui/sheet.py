@@ -8,6 +8,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from console.text.escaping import escaped_line
 from console.tui.lines import BLANK, Line, changed, to_strip
 from console.tui.theme import Palette
 
@@ -27,7 +28,7 @@ class Sheet(Widget, can_focus=False):
 
     def show(self, lines: Sequence[Line]) -> None:
         """Show these lines; cells that stay the same are not painted again."""
-        before, self._lines = self._lines, tuple(lines)
+        before, self._lines = self._lines, tuple(_harmless(each) for each in lines)
         regions = []
         for row in range(max(len(before), len(self._lines))):
             if _row(before, row) != _row(self._lines, row):
@@ -39,6 +40,13 @@ class Sheet(Widget, can_focus=False):
     def render_line(self, y: int) -> Strip:
         """Return one row."""
         return to_strip(_row(self._lines, y), self.size.width, self._palette)
+
+
+def _harmless(pieces: Line) -> Line:
+    """Return a line that cannot steer the terminal, whatever the names in it."""
+    if all(text.isprintable() for text, _ in pieces):
+        return pieces
+    return tuple((escaped_line(text), token) for text, token in pieces)
 
 
 def _row(lines: tuple[Line, ...], row: int) -> Line:

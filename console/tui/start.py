@@ -9,6 +9,7 @@ import sys
 import time
 from argparse import Namespace
 from contextlib import suppress
+from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
 
@@ -20,6 +21,7 @@ from console.session.link_thread import LinkThread, Opened
 from console.session.signals import ENDING_SIGNALS
 from console.session.whereabouts import address_of
 from console.text.catalogue import Catalogue
+from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
 from console.tui.theme import COLOUR, MONO
@@ -55,6 +57,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     # The pages are written to stderr.
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         raise SessionError(Problem(code="screen.no_terminal"))
+    if isinstance(sys.__stderr__, TextIOWrapper):
+        sys.__stderr__.reconfigure(errors=CELLS)  # a sign that the encoding lacks must move nothing else
     data = data_of(options)
     machine = calibrated_or_stated(machine_of(options), data)
     sys.setswitchinterval(SWITCH_INTERVAL_S)

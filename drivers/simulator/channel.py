@@ -18,6 +18,7 @@ from drivers.simulator import control_line
 from drivers.simulator.control_address import REFUSED
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import job_from_table
+from profiles.own_values import from_json
 from profiles.problem import ProfileError
 
 
@@ -36,7 +37,7 @@ async def converse(
 def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
     """Do what a line asks for."""
     try:
-        request = json.loads(line)
+        request = from_json(line)
         match request["do"]:
             case "mount":
                 lathe.mount(job_from_table(request["job"]))

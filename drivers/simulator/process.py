@@ -26,6 +26,7 @@ from drivers.simulator.pty_name import remove_name
 from drivers.simulator.shop_view import ShopView
 from profiles.files import printable
 from profiles.job import Job
+from profiles.own_values import from_json
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
@@ -202,7 +203,7 @@ class _Child:
                 raise ConnectionError("ended")
             self._kept += data
         line, _, self._kept = self._kept.partition(b"\n")
-        said = json.loads(line)
+        said = from_json(line)
         if not isinstance(said, dict):
             raise ValueError("no answer")
         return said

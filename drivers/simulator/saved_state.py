@@ -83,7 +83,7 @@ class Flash:
             return
         content = read_regular_file(self._path, cap_bytes=CAP_BYTES)
         try:
-            state = _read(json.loads(content))
+            state = _read(own_values.from_json(content))
             if state.family != controller.dialect.name:
                 raise ValueError(f"saved by a controller of the family {state.family}")
             _put_back(state, controller)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from console.session.intents import Hold, Home, Jog, Measure, Recover, Start, SwitchOn
-from console.session.records import FILE_NAME
+from console.session.record_file import FILE_NAME
 from console.session.state import Activity, StationState
 from drivers.cut import Strategy
 from drivers.snapshot import AxisName

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from console.session.history import last_results
-from console.session.records import FILE_NAME, RunRecord
+from console.session.record_file import FILE_NAME
+from console.session.records import RunRecord
 
 
 def run(folder: Path, *measured: dict[str, object], simulated: bool = True) -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from console.session.running import FOLDER
 from console.text.catalogue import load
 from profiles.problem import Problem
-from tests.trainee import console, console_at, simulator_of
+from tests.console.test_run_record import begins, killed
+from tests.trainee import Trainee, console, console_at, simulator_of
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
 
@@ -52,3 +54,12 @@ def test_a_refusal_and_a_stop_that_failed_are_on_the_screen_in_full(tmp_path: Pa
         terminal.wait_for(lambda _: one_word(terminal.row(-2)) == failed, 5.0)
         assert one_word(text("run_page.lost.remedy")) in one_word(terminal.text.replace("│", ""))
         assert one_word(text("key.help")) in terminal.row(-1)
+
+
+def test_a_cut_that_was_killed_with_its_console_is_told_at_the_next_start(tmp_path: Path) -> None:
+    killed(begins(tmp_path, "armed", "started", machine="lee-2001-lathe"))
+    with console(tmp_path, "en", 160, 48) as terminal:
+        trainee = Trainee(terminal, "en")
+        trainee.sees("activity.ready", 30.0)
+        terminal.wait_for("the run of ring that began on", 5.0)
+        assert list((tmp_path / FOLDER).iterdir()) == []

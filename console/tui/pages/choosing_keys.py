@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from console.session.compensated import chosen_problems
 from console.session.errors import SessionError
-from console.session.learned_store import NEWEST, asked_for, chosen, versions
+from console.session.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.work import STAGES
 from console.tui.desk import Desk
 from profiles.problem import Problem
 
 
 def step_compensation(desk: Desk) -> None:
-    """Take the newest version for the job in hand, or the model again where one is in use.
+    """Take the newest version for the job in hand, or the model again where one is in use; say what is odd of it.
 
     Raises:
         SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
@@ -33,6 +33,7 @@ def step_compensation(desk: Desk) -> None:
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
     desk.work = replace(work, compensation=chosen(NEWEST, known, asked))
+    desk.said = date_problems(desk.work.compensation)
 
 
 def step_stage(desk: Desk) -> None:

@@ -1,0 +1,163 @@
+"""The file of the run records: opened only where it is sound and of this schema, and beside other writers."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+from console.session.errors import SessionError
+from profiles.files import make_private_file, make_private_folder, printable
+from profiles.problem import Problem
+
+FILE_NAME = "records.sqlite3"
+SCHEMA = 1
+
+WAIT_S = 0.1
+"""How long SQLite waits by itself for another writer; in some states it does not, so it is asked repeatedly."""
+
+PAUSE_S = 0.02
+
+Result = TypeVar("Result")
+
+_TABLES = (
+    """CREATE TABLE runs (
+    run_id TEXT PRIMARY KEY, started_utc TEXT NOT NULL, software TEXT NOT NULL,
+    job TEXT NOT NULL, job_sha256 TEXT NOT NULL, machine TEXT NOT NULL, machine_sha256 TEXT NOT NULL,
+    simulated INTEGER NOT NULL, strategy TEXT NOT NULL, program TEXT NOT NULL
+) STRICT""",
+    """CREATE TABLE events (
+    run_id TEXT NOT NULL REFERENCES runs(run_id), number INTEGER NOT NULL, at_utc TEXT NOT NULL,
+    kind TEXT NOT NULL, data TEXT NOT NULL, PRIMARY KEY (run_id, number)
+) STRICT""",
+    "CREATE TRIGGER runs_stay BEFORE UPDATE ON runs BEGIN SELECT RAISE(ABORT, 'append only'); END",
+    "CREATE TRIGGER runs_are_kept BEFORE DELETE ON runs BEGIN SELECT RAISE(ABORT, 'append only'); END",
+    "CREATE TRIGGER events_stay BEFORE UPDATE ON events BEGIN SELECT RAISE(ABORT, 'append only'); END",
+    "CREATE TRIGGER events_are_kept BEFORE DELETE ON events BEGIN SELECT RAISE(ABORT, 'append only'); END",
+    f"PRAGMA user_version = {SCHEMA}",
+)
+
+_BUSY = frozenset((sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL))
+
+
+def opened(folder: Path, patience_s: float) -> sqlite3.Connection:
+    """Open the records in a folder for writing; both are made where they are missing.
+
+    Other writers are waited for as long as `patience_s`.
+
+    Raises:
+        SessionError: `record.other_schema`, of a newer console, or none of ours; `record.damaged`; nothing was
+            written. `record.unwritable`.
+    """
+    path = folder / FILE_NAME
+    try:
+        make_private_folder(folder)
+        make_private_file(path)  # the files beside it become like it
+        database = sqlite3.connect(path, timeout=WAIT_S, isolation_level=None)
+    except (OSError, sqlite3.Error) as error:
+        raise record_error("record.unwritable", path, error) from error
+    try:
+        patiently(lambda: _made_ready(database, path), patience_s)
+        # The journal is what the records need to be: a kill at any instant leaves them whole.
+        patiently(lambda: database.execute("PRAGMA journal_mode=WAL"), patience_s)
+    except sqlite3.Error as error:
+        database.close()
+        code = "record.damaged" if is_damage(error) else "record.unwritable"
+        raise record_error(code, path, error) from error
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -> list[Any]:
+    """Return what the records in a folder answer, nothing where there are none.
+
+    Raises:
+        SessionError: `record.other_schema`.
+        sqlite3.Error: they cannot be read.
+    """
+    path = folder / FILE_NAME
+    if not path.is_file():
+        return []
+    database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=timeout_s)
+    try:
+        _refuse_other_schema(database, path)
+        return database.execute(query, keys).fetchall()
+    finally:
+        database.close()
+
+
+def now_utc() -> str:
+    """Return the date of a line."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def patiently(work: Callable[[], Result], patience_s: float) -> Result:
+    """Do something with a database that others work with; wait for them also where SQLite would not.
+
+    Raises:
+        sqlite3.Error: what went wrong, or they took longer.
+    """
+    until_s = time.monotonic() + patience_s
+    while True:
+        try:
+            return work()
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF not in _BUSY or time.monotonic() > until_s:
+                raise
+            time.sleep(PAUSE_S)
+
+
+def is_damage(error: sqlite3.Error) -> bool:
+    """Whether an error says that the file is not what SQLite has written."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+
+def record_error(code: str, path: Path, error: object) -> SessionError:
+    """Return the refusal of a file of records."""
+    return SessionError(Problem(code=code, where=printable(str(path)), value=printable(str(error))))
+
+
+def _made_ready(database: sqlite3.Connection, path: Path) -> None:
+    """Look at what is there, and make the tables where there is nothing at all."""
+    if not _refuse_other_schema(database, path):
+        _make_tables(database, path)
+    _refuse_damaged(database, path)
+
+
+def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> bool:
+    """Refuse a file of another schema; return whether there is one of this.
+
+    Raises:
+        SessionError: `record.other_schema`; a version is never written down.
+    """
+    # In this order: another console may make the tables, with their version, between the two.
+    (things,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+    (found,) = database.execute("PRAGMA user_version").fetchone()
+    if found == SCHEMA or (found == 0 and things == 0):
+        return bool(found == SCHEMA)
+    where = printable(str(path))
+    raise SessionError(Problem(code="record.other_schema", where=where, value=str(found), limit=str(SCHEMA)))
+
+
+def _make_tables(database: sqlite3.Connection, path: Path) -> None:
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        if not _refuse_other_schema(database, path):  # another console may have made them meanwhile
+            for line in _TABLES:
+                database.execute(line)
+        database.execute("COMMIT")
+    except BaseException:
+        if database.in_transaction:
+            database.execute("ROLLBACK")
+        raise
+
+
+def _refuse_damaged(database: sqlite3.Connection, path: Path) -> None:
+    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()  # less than 0.1 s for some thousand runs
+    if found != "ok":
+        raise record_error("record.damaged", path, " ".join(str(found).split()))

@@ -1,0 +1,89 @@
+"""Text that is safe to put on a terminal: what would steer it is escaped, what it has no sign for is replaced.
+
+Names, files and answers of a controller may have anything in them. This is done once, where text becomes output:
+in the streams of the command line, and in the panels of the screens.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+import unicodedata
+
+CELLS = "console.cells"
+"""The name of the error handler that keeps the width of what it replaces, for a stream of another encoding."""
+
+# Faster than a look at each character, and nearly every text has none of them.
+_STRANGE = re.compile(r"[^\n\t\x20-\x7e\uac00-\ud7a3]+")
+
+_LIKE = str.maketrans(
+    {
+        **dict.fromkeys("·–—─╌", "-"),
+        **dict.fromkeys("│┃", "|"),
+        **dict.fromkeys("└├┤┼┌┐┘┬┴╭╮╰╯", "+"),
+        **dict.fromkeys("→▶▸", ">"),
+        **dict.fromkeys("←◀◂", "<"),
+        **dict.fromkeys("■●█▌▐▓", "#"),
+        **dict.fromkeys("□○", "o"),
+        **dict.fromkeys("░▒", "."),
+        **dict.fromkeys("✗×", "x"),
+        **dict.fromkeys(map(chr, range(0x2801, 0x2900)), "*"),  # dots of the plots
+        "✓": "v",
+        "…": ".",
+        "°": "d",
+        "µ": "u",
+        "μ": "u",
+    }
+)
+
+
+def escaped(text: str) -> str:
+    """Return a text in which nothing is left that could steer a terminal; lines and tabs stay."""
+    return _STRANGE.sub(_printable, text)
+
+
+def escaped_line(text: str) -> str:
+    """Return the same for what has to stay on its line."""
+    if text.isprintable():
+        return text
+    return escaped(text).replace("\n", r"\n").replace("\t", r"\t")
+
+
+def encodable(text: str, encoding: str | None) -> str:
+    """Return a text that a stream of this encoding can write, in as many cells; None takes everything."""
+    if encoding is None:
+        return text
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        return text.encode(encoding, CELLS).decode(encoding)
+    except LookupError:  # no encoding that Python knows
+        return text
+    return text
+
+
+def _printable(found: re.Match[str]) -> str:
+    return "".join(c if _harmless(c) else c.encode("unicode_escape").decode("ascii") for c in found[0])
+
+
+def _harmless(character: str) -> bool:
+    return character.isprintable() or unicodedata.category(character) == "Zs"
+
+
+def _replaced(error: UnicodeError) -> tuple[str, int]:
+    """Return what is written in the place of what an encoding has not: something like it, or question marks."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lost = error.object[error.start : error.end].translate(_LIKE)
+    return "".join(_in_ascii(c) for c in lost), error.end
+
+
+def _in_ascii(character: str) -> str:
+    if character.isascii():
+        return character
+    if unicodedata.combining(character):
+        return ""
+    return "??" if unicodedata.east_asian_width(character) in "WF" else "?"
+
+
+codecs.register_error(CELLS, _replaced)

@@ -1,0 +1,240 @@
+"""The file of the records is never stamped down nor written while damaged; what is lost or killed is told."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.session.errors import SessionError
+from console.session.killed_runs import killed_or_refused, killed_runs
+from console.session.record_file import FILE_NAME
+from console.session.records import RunRecord
+from console.session.running import FOLDER
+from console.text.catalogue import load
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+RUN = {
+    **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),
+    "job": "ring",
+    "machine": "lathe",
+    "simulated": 1,
+}
+BEGINS = f"""
+import signal, sys
+from pathlib import Path
+from console.session.records import RunRecord
+data, machine, *kinds = sys.argv[1:]
+record = RunRecord(Path(data), {{**{RUN!r}, "machine": machine}}, open_patience_s=60.0, patience_s=60.0)
+for kind in kinds:
+    record.add(kind, {{}})
+print(record.run_id, flush=True)
+signal.pause() if kinds != ["many"] else record.close()
+"""
+
+
+def begins(data: Path, *kinds: str, machine: str = "lathe") -> subprocess.Popen[str]:
+    """A process that begins a run, adds events of these kinds, and lives on."""
+    command = [sys.executable, "-c", BEGINS, str(data), machine, *kinds]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def killed(process: subprocess.Popen[str]) -> str:
+    """Kill it once it has begun; return the run."""
+    assert process.stdout is not None
+    run_id = process.stdout.readline().strip()
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    return run_id
+
+
+def rows(data: Path, query: str) -> list[Any]:
+    with closing(sqlite3.connect(data / FILE_NAME)) as database:
+        return database.execute(query).fetchall()
+
+
+def change(data: Path, line: str) -> None:
+    with closing(sqlite3.connect(data / FILE_NAME)) as database:
+        database.execute(line)
+        database.commit()
+
+
+def codes(error: pytest.ExceptionInfo[SessionError]) -> list[str]:
+    return [problem.code for problem in error.value.problems]
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """A data folder with the record of a run in it."""
+    folder = tmp_path / "kept"
+    RunRecord(folder, RUN).close()
+    return folder
+
+
+def damage(data: Path) -> None:
+    """Write over a page in the middle, as a bad disk does."""
+    path = data / FILE_NAME
+    content = bytearray(path.read_bytes())
+    content[4096:8192] = bytes(range(256)) * 16
+    path.write_bytes(content)
+
+
+def stamp_newer(data: Path) -> None:
+    change(data, "CREATE TABLE parts (anything TEXT)")
+    change(data, "PRAGMA user_version = 2")
+
+
+def stamp_away(data: Path) -> None:
+    """What another program has made has no version of ours."""
+    change(data, "PRAGMA user_version = 0")
+
+
+REFUSED = {
+    "record.other_schema": (stamp_newer, "schema 2"),
+    "record.damaged": (damage, "damaged"),
+}
+
+
+@pytest.mark.parametrize("code", REFUSED)
+def test_a_record_that_is_newer_or_damaged_is_refused_and_left_as_it_is(
+    console: Console, job_file: JobFile, data: Path, code: str
+) -> None:
+    act, word = REFUSED[code]
+    act(data)
+    before = (data / FILE_NAME).read_bytes()
+    with pytest.raises(SessionError) as refused:
+        RunRecord(data, RUN)
+    assert codes(refused) == [code]
+    said = console("run", str(job_file(roundness_tolerance_um="10.0")), "--sim", "--data", str(data))
+    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
+    assert word in said.err and "Nothing was written" in said.err and "--data" in said.err
+    assert [problem.code for problem in killed_or_refused(data, "lathe", simulated=True)] == [code]
+    assert (data / FILE_NAME).read_bytes() == before
+
+
+def test_a_database_of_another_program_gets_no_tables_of_ours(data: Path) -> None:
+    stamp_away(data)
+    with pytest.raises(SessionError) as refused:
+        RunRecord(data, RUN)
+    assert codes(refused) == ["record.other_schema"]
+    assert rows(data, "PRAGMA user_version") == [(0,)]
+
+
+def take_folder(data: Path) -> None:
+    shutil.rmtree(data)
+
+
+def take_file(data: Path) -> None:
+    (data / FILE_NAME).unlink()
+
+
+def take_journal(data: Path) -> None:
+    (data / f"{FILE_NAME}-wal").unlink()
+
+
+def replace_file(data: Path) -> None:
+    shutil.copy(data / FILE_NAME, data / "copy")
+    os.replace(data / "copy", data / FILE_NAME)
+
+
+@pytest.mark.parametrize("take", [take_folder, take_file, take_journal, replace_file])
+def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, take: Callable[[Path], None]) -> None:
+    record = RunRecord(data, RUN)
+    record.add("planned", {})
+    take(data)
+    with pytest.raises(SessionError) as lost:
+        record.add("step", {})
+    assert codes(lost) == ["record.lost"]
+    assert "taken away" in load("en").problem(lost.value.problems[0])
+    record.close()
+
+
+def test_a_run_whose_folder_is_taken_away_fails(
+    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = tmp_path / "kept"
+    original = RunRecord.add
+
+    def add(self: RunRecord, kind: str, told: dict[str, object]) -> None:
+        if told.get("step") == "cut":
+            shutil.rmtree(kept)
+        original(self, kind, told)
+
+    monkeypatch.setattr(RunRecord, "add", add)
+    job = str(job_file(cut_length_mm="1.0"))
+    shutil.copytree(tmp_path / "data" / "trilobe", kept)
+    said = console("run", job, "--sim", *close, "--data", str(kept))
+    assert said.code == 1
+    assert "run record is lost" in said.err and "measure" not in said.out
+
+
+def test_many_that_begin_at_once_wait_for_each_other(tmp_path: Path) -> None:
+    many = [begins(tmp_path / "new", "many") for _ in range(12)]
+    ended = [(*process.communicate(timeout=60), process.returncode) for process in many]
+    assert [(err, code) for _, err, code in ended] == [("", 0)] * len(many)
+    assert rows(tmp_path / "new", "SELECT count(*) FROM runs")[0][0] == len(many)
+    assert list((tmp_path / "new" / FOLDER).iterdir()) == []
+
+
+def test_a_run_that_was_killed_is_told_once_and_gets_its_end(data: Path) -> None:
+    run_id = killed(begins(data, "planned", "step"))
+    (told,) = killed_runs(data, "lathe", simulated=True)
+    assert (told.code, told.key) == ("record.killed", "ring")
+    assert "UTC" in told.value and "killed" in load("en").problem(told)
+    events = f"SELECT number, kind, data FROM events WHERE run_id = '{run_id}' ORDER BY number"
+    assert rows(data, events)[2:] == [(3, "ended", '{"reason": "killed"}')]
+    assert killed_runs(data, "lathe", simulated=True) == ()
+    assert list((data / FOLDER).iterdir()) == []
+
+
+@pytest.mark.parametrize(("machine", "simulated"), [("lathe", False), ("another", True)])
+def test_a_run_that_was_killed_is_told_where_its_machine_is_worked(
+    data: Path, machine: str, simulated: bool
+) -> None:
+    killed(begins(data, "started"))
+    assert killed_runs(data, machine, simulated=simulated) == ()
+    assert len(killed_runs(data, "lathe", simulated=True)) == 1
+
+
+@pytest.mark.parametrize("kinds", [("armed",), ("armed", "started", "cut"), ("armed", "started", "stopped")])
+def test_a_console_that_was_killed_beside_a_cut_has_left_none_without_an_end(
+    data: Path, kinds: tuple[str, ...]
+) -> None:
+    killed(begins(data, *kinds))
+    assert killed_runs(data, "lathe", simulated=True) == ()
+    assert list((data / FOLDER).iterdir()) == []
+
+
+def test_a_run_that_goes_on_is_not_told_as_killed(data: Path) -> None:
+    with begins(data, "planned") as living:
+        assert living.stdout is not None
+        run_id = living.stdout.readline().strip()
+        assert killed_runs(data, "lathe", simulated=True) == ()
+        living.kill()
+    assert [mark.name for mark in (data / FOLDER).iterdir()] == [run_id]
+
+
+def test_the_next_run_tells_of_one_that_was_killed(
+    console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path
+) -> None:
+    job, data = str(job_file(cut_length_mm="1.0")), data_folder / "trilobe"
+    words = ("run", job, "--sim", *close, "--json")
+    first = console(*words)
+    assert first.code == 0 and "was killed" not in first.err
+    for _ in range(2):
+        killed(begins(data, "planned", machine=first.json["machine"]))
+    said = console(*words)
+    assert said.code == 0 and said.err.count("was killed") == 2
+    assert sum("was killed" in warning for warning in said.json["warnings"]) == 2
+    assert "was killed" not in console(*words).err
