@@ -121,7 +121,8 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
     plant.write_text(STRONG, encoding="utf-8")
     row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, plant_named(str(plant), MACHINE, 3)))
     monkeypatch.setattr(learning, "MOST_AIR_PASSES", 3)
-    monkeypatch.setattr(learning._Learner, "_plain", lambda *_: None)  # the parts to compare with
+    for compared in ("reference", "floor"):
+        monkeypatch.setattr(learning._Learner, compared, lambda *_: None)
     plan = plan_run(replace(JOB, cut_length_mm=1.0), MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
     result = learn(plan, row.shop, row.tell, 1)
     (part,) = result.parts
