@@ -28,6 +28,7 @@ from profiles.learning_watch import REPEATS_SD_UM, coefficient_of
 from profiles.lobe_conditions import found_on_a_part
 from profiles.part_waves import PartWaves
 from profiles.problem import Problem, ProfileError
+from profiles.uncompensated import uncompensated
 
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 """Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
@@ -93,7 +94,8 @@ class Lesson:
 
     The expected lobe is 95 % sure within the half-width, by the noise of the trace and the scatter of two
     clampings; `expected_ront_um` is the trace without what was learned. `contractions` are those of the waves, by
-    their number in a turn, of which two parts can tell. `reasons` are why it must not be kept.
+    their number in a turn, of which two parts can tell. `reasons` are why it must not be kept, `warnings` do not
+    forbid it.
     """
 
     next: LearnedCompensation
@@ -103,6 +105,7 @@ class Lesson:
     expected_half_width_um_pp: float
     expected_ront_um: float
     reasons: tuple[Problem, ...]
+    warnings: tuple[Problem, ...] = ()
 
     @property
     def contraction(self) -> Contraction | None:
@@ -139,25 +142,28 @@ def next_version(
     wrong, tool = Deviation(coefficients_um=learned), Deviation(coefficients_um={})
     path = learned_part(cut.path, wrong, tool, response, used_gain)
     read = _read(cut, part, job.jaws)
+    planned_um = cut.path.wanted.waves[0].coefficient
+    plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, planned_um, cut.share, job)
     contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
     # The next part is lower by what the tool goes deeper.
     deeper = {n: spared.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*spared, *learned}}
     return Lesson(
-        next=LearnedCompensation(
-            holds_for=holds_for,
-            version=number,
-            parent=cut.number,
-            gain=used_gain,
-            path=path,
-            part=read,
-            date=date,
-        ),
+        next=_learned(path, read, holds_for, number=number, parent=cut.number, gain=used_gain, date=date),
         learned=tuple(sorted(learned)),
         contractions=contractions,
         expected_lobe_um_pp=2.0 * abs(part.coefficients_um[job.jaws] - deeper[job.jaws]),
         expected_half_width_um_pp=2.0 * SIGNIFICANT * math.hypot(read.lobe_sd_um, scatter_um, scatter_um),
         expected_ront_um=part.ront_um(deeper),
-        reasons=(*part.reasons, *_reasons(contractions, job.jaws, learned, cut.version)),
+        reasons=(*part.reasons, *(plain.reasons() or _reasons(contractions, job.jaws, learned, cut.version))),
+        warnings=plain.warnings(),
+    )
+
+
+def _learned(
+    path: CutPath, part: PartRead, holds_for: HoldsFor, *, number: int, parent: int, gain: float, date: str
+) -> LearnedCompensation:
+    return LearnedCompensation(
+        holds_for=holds_for, version=number, parent=parent, gain=gain, path=path, part=part, date=date
     )
 
 

@@ -35,8 +35,8 @@ class PartWaves:
     """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, with standard errors.
 
     `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
-    spindle angle `begins_deg`. `mean_um` is the mean of the fit, `filter_upr` the filter of RONt. `reasons` are why
-    nothing may be learned from it; `warnings` do not spoil it.
+    spindle angle `begins_deg`. `mean_um` is the mean of the fit, `filter_upr` the filter of RONt. `reasons` are
+    why nothing may be learned from it; `warnings` do not spoil it.
     """
 
     mean_um: float

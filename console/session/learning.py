@@ -34,6 +34,7 @@ from profiles.part_waves import PartWaves, part_waves
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.traces import Trace
+from profiles.uncompensated import uncompensated
 
 AIR_PASSES, MOST_AIR_PASSES = 3, 8
 AIR_ENOUGH_UM_PP = 1.0
@@ -263,6 +264,7 @@ class _Learner:
         """Put the trim into the table, and what the part has shown; return the waves that were learned."""
         job = self._job
         found = self._teaching(trace)
+        self._refuse_worse(found, off)
         by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
         folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
         path = CutPath(wanted=self._path.wanted, command=folded)
@@ -279,6 +281,19 @@ class _Learner:
         tool = Deviation(mean_um=off.mean_um, coefficients_um=missed)
         self._path = learned_part(self._watch.kept(path), part, tool, self._response, gain)
         return tuple(sorted({*high, *missed}))
+
+    def _refuse_worse(self, part: PartWaves, off: Deviation) -> None:
+        """Refuse to learn from a part that its compensation has made worse, by the rule of a single part.
+
+        Raises:
+            SessionError: `learned.worse`.
+        """
+        lobes = self._job.jaws
+        # What the tool has done was seen here.
+        done_um = self._path.wanted.waves[0].coefficient - off.coefficients_um.get(lobes, 0j)
+        plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
+        if plain.reasons():
+            raise SessionError(*plain.reasons())
 
     def _planned_in_air(self, job: Job) -> CutPlan:
         """Plan a pass in air; what is beyond all bounds there is the axis, for nothing else was measured yet.

@@ -139,7 +139,8 @@ def taught_by(
         date=date,
     )
     waves = tuple(_left(n, part, lesson, path, stage) for n in orders)
-    return Taught(lesson=lesson, made=made, stage=stage, warnings=part.warnings, waves=waves)
+    warnings = (*part.warnings, *lesson.warnings)
+    return Taught(lesson=lesson, made=made, stage=stage, warnings=warnings, waves=waves)
 
 
 def _simulated(trace: Trace) -> bool:

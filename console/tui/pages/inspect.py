@@ -43,6 +43,9 @@ _JAW_1 = "1"
 WORSE = ("learned.diverges", "learned.wave_diverges")
 """Reasons to go back."""
 
+MADE_WORSE = "learned.worse"
+"""A reason to look at the set-up: going back would not help."""
+
 
 class InspectPage(Page):
     """Before and after on one scale, with every figure as a number beside it."""
@@ -248,7 +251,10 @@ def _next_word(view: View) -> str:
         return "next_compensate"
     lesson = part.lesson
     teaches, kept = lesson is not None and not lesson.reasons, is_kept(lesson, view.work)
-    if lesson is not None and any(reason.code in WORSE for reason in lesson.reasons):
+    codes = [] if lesson is None else [reason.code for reason in lesson.reasons]
+    if MADE_WORSE in codes:
+        return "next_made_worse"
+    if any(code in WORSE for code in codes):
         return "next_worse"
     if part.is_half:
         return "next_half_learn" if teaches and not kept else "next_half"
