@@ -41,7 +41,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.warn import tell
 
     order = ordered(options)
-    warnings = tell((*order.machine.warnings, *order.plan.warnings), text)
+    warnings = tell((*order.machine.warnings, *order.unused, *order.plan.warnings), text)
     if order.address is not None and not _agreed(options, order, text):
         return 1
     _cut(options, order, interruption, warnings, text)

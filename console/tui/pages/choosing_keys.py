@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.compensated import chosen_problems
+from console.session.compensated import chosen_problems, without_learned
 from console.session.errors import SessionError
 from console.session.learned_store import NEWEST, asked_for, chosen, versions
 from console.session.work import STAGES
@@ -23,7 +23,7 @@ def step_compensation(desk: Desk) -> None:
     if work is None:
         return
     if work.compensation is not None:
-        desk.work = replace(work, compensation=None)
+        desk.work = without_learned(work)
         return
     if work.edited:
         raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
@@ -32,7 +32,8 @@ def step_compensation(desk: Desk) -> None:
     known = versions(desk.data, asked)
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
-    desk.work = replace(work, compensation=chosen(NEWEST, known, asked))
+    newest = chosen(NEWEST, known, asked)
+    desk.work = replace(work, compensation=newest, set_aside=())
 
 
 def step_stage(desk: Desk) -> None:

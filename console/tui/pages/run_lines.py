@@ -102,8 +102,9 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
     fits = of_job(job, aligned_machine(machine, state.alignment))
     as_found = of_lobe(job, machine, strategy, simulated=state.simulated)
     yield Check(name="job", problems=(*fits.problems, *as_found.problems))
-    if chosen is not None:
-        yield Check(name="learned", problems=chosen)
+    aside = () if work is None or state.armed is not None else work.set_aside
+    if chosen is not None or aside:
+        yield Check(name="learned", problems=chosen or (), warnings=aside)
     yield Check(name="aligned", problems=problems(state.alignment, job))
 
 
