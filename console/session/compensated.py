@@ -81,6 +81,23 @@ def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
     return replace(work, set_aside=problems) if problems else used
 
 
+def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
+    """Return the work with a word of a newer version that was accepted since, as by `console learn` elsewhere.
+
+    What was chosen stays chosen. Files that cannot be read are told where the version is used.
+    """
+    try:
+        newest = accepted(work.loaded, work.machine, data, simulated=simulated)
+    except ProblemError:
+        return work
+    if newest is None or work.edited or chosen_problems(using(work, newest), simulated=simulated):
+        return work
+    used = 0 if work.compensation is None else work.compensation.version
+    if newest.version <= used or (used == 0 and work.set_aside):
+        return work
+    return replace(work, set_aside=(Problem(code="learned.newer", key=str(newest.version)),))
+
+
 def using(work: Work, version: LearnedCompensation) -> Work:
     """Return the work with a version, which is one of its strategy: both are chosen."""
     return replace(work, compensation=version, strategy=version.holds_for.strategy, set_aside=())

@@ -16,6 +16,7 @@ from console.session.work import Work, with_strategy
 from console.text.catalogue import load
 from console.tui.chosen_path import ChosenPath
 from console.tui.lines import plain
+from console.tui.pages.choosing_keys import step_compensation
 from console.tui.pages.jobs import JobsPage
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
@@ -139,6 +140,27 @@ def test_a_version_that_is_set_aside_is_told_with_the_key_that_uses_it(language:
     play_on(OnPreview, play, tmp_path, work=cut_with(learned()), state=READY, language=language)
     run = shown_on(RunPage, run_stage.state(), work=aside[0], language=language)
     assert f"! {text('run_page.check.learned')}" in run.text
+
+
+def test_a_version_that_was_learned_elsewhere_meanwhile_is_told_on_run(tmp_path: Path) -> None:
+    class OnRun(PageScene):
+        page_class = RunPage
+
+    async def play(stage: OnRun) -> None:
+        await stage.show()
+        assert stage.desk.work is not None and stage.desk.work.set_aside == ()
+        store(tmp_path, replace(learned(), version=2))
+        stage.page.leave()
+        await stage.show()
+        await stage.show()
+        (problem,) = stage.desk.work.set_aside
+        assert (problem.code, problem.key) == ("learned.newer", "2")
+        assert "version 2" in stage.text and stage.desk.work.compensation == learned()
+        step_compensation(stage.desk)
+        assert stage.desk.work.compensation == replace(learned(), version=2)
+
+    keep(tmp_path)
+    play_on(OnRun, play, tmp_path, work=cut_with(learned()), state=run_stage.state())
 
 
 def test_what_is_expected_of_a_learned_part_is_what_the_part_before_says() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.compensated import chosen_problems, without_learned
+from console.session.compensated import chosen_problems, using, without_learned
 from console.session.errors import SessionError
 from console.session.learned_store import NEWEST, asked_for, chosen, versions
 from console.session.work import STAGES
@@ -13,7 +13,7 @@ from profiles.problem import Problem
 
 
 def step_compensation(desk: Desk) -> None:
-    """Take the newest version for the job in hand, or the model again where one is in use.
+    """Take the newest version for the job in hand, or the model again where that one is in use.
 
     Raises:
         SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
@@ -22,7 +22,7 @@ def step_compensation(desk: Desk) -> None:
     work = desk.work
     if work is None:
         return
-    if work.compensation is not None:
+    if work.compensation is not None and not work.set_aside:
         desk.work = without_learned(work)
         return
     if work.edited:
@@ -33,7 +33,8 @@ def step_compensation(desk: Desk) -> None:
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
     newest = chosen(NEWEST, known, asked)
-    desk.work = replace(work, compensation=newest, set_aside=())
+    assert newest is not None
+    desk.work = using(work, newest)
 
 
 def step_stage(desk: Desk) -> None:

@@ -15,6 +15,7 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.alignment import JawAngle
 from console.session.clearance import no_retract, tool_in_part
+from console.session.compensated import with_news
 from console.session.intents import Arm, Disarm, Hold, Retract, Start
 from console.session.progress import CutProgress, CutStage
 from console.session.stages import Stage
@@ -131,6 +132,7 @@ class RunPage(Page):
         self._drawn: CutProgress | None = None
         self._view: View | None = None
         self._waits_for_room = False
+        self._asked = False
         text = desk.text
         self._errors.border_title = text("run_page.errors")
 
@@ -150,6 +152,7 @@ class RunPage(Page):
     def show(self, view: View) -> None:
         """Show the newest state."""
         self._view = view
+        self._ask_for_news()
         phase = phase_of(view.state)
         self.set_class(phase is Phase.CUTTING, "-live")
         roomy = self.size.height >= LEAST_POLAR_ROWS
@@ -159,6 +162,17 @@ class RunPage(Page):
         panels = (self._progress, self._values) if phase is Phase.CUTTING else (self._left, self._right)
         if self._have_room(panels):
             self._fill(phase, view)
+
+    def leave(self) -> None:
+        """Something may be learned elsewhere by the next time."""
+        self._asked = False
+
+    def _ask_for_news(self) -> None:
+        """Look once, when the page is shown after another one, whether a newer version was accepted meanwhile."""
+        work, state = self.desk.work, self.desk.control.state
+        if not self._asked and work is not None:
+            self._asked = True
+            self.desk.work = with_news(work, self.desk.data, simulated=state.simulated)
 
     def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
         """Whether these panels know their size. Where not, they are filled as soon as they were laid out."""
