@@ -18,6 +18,7 @@ from console.session.preview import Underway
 from console.session.stages import Stage
 from console.session.state import StationState
 from console.session.work import STRATEGIES, Work, with_strategy
+from console.text.catalogue import Catalogue
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import Line, clipped, line, wrapped
@@ -204,7 +205,7 @@ class PreviewPage(Page):
         elif self._reading:
             words = text("preview_page.next_program")
         else:
-            words = text(f"preview_page.{_next_word(work, seen)}")
+            words = _next_words(text, work, seen)
         return line((words, Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
@@ -320,6 +321,15 @@ def _band(work: Work, seen: Underway, strategy: Strategy) -> Band | None:
     if learned or work.stage == Stage.AIR:
         return None
     return predicted_band(seen, strategy)
+
+
+def _next_words(text: Catalogue, work: Work, seen: Underway) -> str:
+    """Return what this cut is, where that needs a word, and what comes next: the findings, then the alignment."""
+    found, word = findings_of(seen, Strategy(work.strategy)), _next_word(work, seen)
+    if word == "next_align":
+        return text("preview_page.next_findings" if found else "preview_page.next_align")
+    then = text("preview_page.then_findings" if found else "preview_page.then_align")
+    return f"{text(f'preview_page.{word}')} {then}"
 
 
 def _next_word(work: Work, seen: Underway) -> str:
