@@ -117,6 +117,9 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     shop: Shop, console: Console, tmp_path: Path
 ) -> None:
     first = shop.part()
+    # The table takes the carriage back to where it began; what was cut is cut.
+    ended = shop.floor.state.cut
+    assert ended is not None and (ended.turn, ended.z_mm) == (ended.turns, ended.length_mm)
     one = accept(lesson(first), shop.data)
     with pytest.raises(SessionError, match=r"learned\.accepted"):
         accept(lesson(first), shop.data)
