@@ -56,7 +56,8 @@ class LearnedCompensation:
     """A path with its history: learned from `part`, which was cut with version `parent`, with `gain`.
 
     Versions count from 1. `reverts` is the version that this one is once more, with all that it had; 0 is the
-    model, which has no part. None where it is a new one.
+    model, which has no part. None where it is a new one. `expected_ront_um` is the roundness that its part
+    lets expect of the next one, None where nothing was written of that.
     `date` is UTC after ISO 8601.
     """
 
@@ -68,6 +69,36 @@ class LearnedCompensation:
     part: PartRead | None
     date: str
     reverts: int | None = None
+    expected_ront_um: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedPart:
+    """What a measured part lets expect of one that is cut with what it has taught.
+
+    `ront_um` is its roundness, None where nothing was written of that; `lobe` that of the released part, outwards.
+    """
+
+    ront_um: float | None
+    lobe: Wave
+
+    def turned(self, by_deg: float) -> ExpectedPart:
+        """Return the same of a chuck that is mounted so many degrees of spindle further on."""
+        return replace(self, lobe=self.lobe.turned(by_deg))
+
+
+def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedPart | None:
+    """Return what the part of a version lets expect of one that is cut with the share `share` of it.
+
+    None of the model, which no part has taught. Of less than all of it the lobe alone is told, which outweighs the
+    rest.
+    """
+    part = learned.part
+    if part is None or learned.reverts == MODEL:
+        return None
+    taken_um = share * learned.path.wanted.waves[0].coefficient
+    left = Wave.of(part.lobe.lobes, part.lobe.coefficient + part.wanted.coefficient - taken_um)
+    return ExpectedPart(ront_um=learned.expected_ront_um if share == 1.0 else 2.0 * left.amplitude_um, lobe=left)
 
 
 def again(older: LearnedCompensation, number: int, date: str) -> LearnedCompensation:
@@ -129,6 +160,8 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
         part, path = rest["part"], rest["path"]
         rest["holds_for"] = record(HoldsFor, rest["holds_for"])
         rest["gain"], rest["date"] = number(rest["gain"]), text(rest["date"])
+        if rest.get("expected_ront_um") is not None:
+            rest["expected_ront_um"] = number(rest["expected_ront_um"])
         rest["path"] = CutPath(wanted=_path(path["wanted"]), command=_path(path["command"]))
         if part is not None:
             rest["part"] = _part(part)

@@ -28,12 +28,15 @@ from profiles.learning_watch import REPEATS_SD_UM, coefficient_of
 from profiles.lobe_conditions import found_on_a_part
 from profiles.part_waves import PartWaves
 from profiles.problem import Problem, ProfileError
+from profiles.uncompensated import Uncompensated, uncompensated
 
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 """Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
 
 ROUNDING_UM = 1e-6
 """A step of a path below this is no step but the rounding of its file."""
+
+_NONE = Deviation(coefficients_um={})
 
 
 class Verdict(StrEnum):
@@ -92,8 +95,8 @@ class Lesson:
     """What a part teaches: the version for the next, which waves it changes, and what the next should be like.
 
     The expected lobe is 95 % sure within the half-width, by the noise of the trace and the scatter of two
-    clampings; `expected_ront_um` is the trace without what was learned. `contractions` are those of the waves, by
-    their number in a turn, of which two parts can tell. `reasons` are why it must not be kept.
+    clampings. `contractions` are those of the waves, by their number in a turn, of which two parts can tell.
+    `reasons` are why it must not be kept, `warnings` do not forbid it.
     """
 
     next: LearnedCompensation
@@ -101,8 +104,15 @@ class Lesson:
     contractions: Mapping[int, Contraction]
     expected_lobe_um_pp: float
     expected_half_width_um_pp: float
-    expected_ront_um: float
     reasons: tuple[Problem, ...]
+    warnings: tuple[Problem, ...] = ()
+
+    @property
+    def expected_ront_um(self) -> float:
+        """The trace without what was learned."""
+        found = self.next.expected_ront_um
+        assert found is not None
+        return found
 
     @property
     def contraction(self) -> Contraction | None:
@@ -133,15 +143,14 @@ def next_version(
         ProfileError: `learned.gain`.
     """
     used_gain = _gain(gain, cut.version)
-    spared = cut.spared_um
-    off = {n: part.coefficients_um[n] - spared.get(n, 0j) for n in orders}
+    off = {n: part.coefficients_um[n] - cut.spared_um.get(n, 0j) for n in orders}
     learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
-    wrong, tool = Deviation(coefficients_um=learned), Deviation(coefficients_um={})
-    path = learned_part(cut.path, wrong, tool, response, used_gain)
+    path = learned_part(cut.path, Deviation(coefficients_um=learned), _NONE, response, used_gain)
     read = _read(cut, part, job.jaws)
+    plain = _plain(cut, read, job)
     contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
     # The next part is lower by what the tool goes deeper.
-    deeper = {n: spared.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*spared, *learned}}
+    deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
     return Lesson(
         next=LearnedCompensation(
             holds_for=holds_for,
@@ -151,14 +160,21 @@ def next_version(
             path=path,
             part=read,
             date=date,
+            expected_ront_um=part.ront_um(deeper),
         ),
         learned=tuple(sorted(learned)),
         contractions=contractions,
         expected_lobe_um_pp=2.0 * abs(part.coefficients_um[job.jaws] - deeper[job.jaws]),
         expected_half_width_um_pp=2.0 * SIGNIFICANT * math.hypot(read.lobe_sd_um, scatter_um, scatter_um),
-        expected_ront_um=part.ront_um(deeper),
-        reasons=(*part.reasons, *_reasons(contractions, job.jaws, learned, cut.version)),
+        reasons=(*part.reasons, *(plain.reasons() or _reasons(contractions, job.jaws, learned, cut.version))),
+        warnings=plain.warnings(),
     )
+
+
+def _plain(cut: CutWith, read: PartRead, job: Job) -> Uncompensated:
+    """Return the part as it would have been without its compensation."""
+    path_um = cut.path.wanted.waves[0].coefficient
+    return uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
 
 
 def _gain(gain: float | None, version: LearnedCompensation | None) -> float:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from profiles.calibration.lobe import INDEX, find_lobe
 from profiles.job import Job
+from profiles.learning import SIGNIFICANT
 from profiles.metrology.turns import several_turns
 from profiles.problem import Problem
 from profiles.roundness import evaluate
@@ -34,10 +35,11 @@ class PartWaves:
     """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, with standard errors.
 
     `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
-    spindle angle `begins_deg`. `filter_upr` is the filter of RONt. `reasons` are why
-    nothing may be learned from it; `warnings` do not spoil it.
+    spindle angle `begins_deg`. `mean_um` is the mean of the fit, `filter_upr` the filter of RONt. `reasons` are
+    why nothing may be learned from it; `warnings` do not spoil it.
     """
 
+    mean_um: float
     coefficients_um: Mapping[int, complex]
     sd_um: Mapping[int, float]
     angle_deg: NDArray[np.float64]
@@ -55,6 +57,10 @@ class PartWaves:
         for n, coefficient in (less_um or {}).items():
             left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
         return evaluate(self.angle_deg, left_um, self.filter_upr).ront_um
+
+    def significant_um(self) -> dict[int, complex]:
+        """Return the coefficients that stand out of the noise."""
+        return {n: c for n, c in self.coefficients_um.items() if abs(c) > SIGNIFICANT * self.sd_um[n]}
 
     def turned(self, by_deg: float) -> PartWaves:
         """Return the part as if it had stood so many degrees of spindle further on, as `LobedPath.turned`."""
@@ -87,6 +93,7 @@ def part_waves(
         seen = own.conjugate() if header.against_spindle else own
         placed[wave.n] = seen * cmath.exp(-1j * wave.n * math.radians(begins_deg))
     return PartWaves(
+        mean_um=found.fit.mean_um,
         coefficients_um=placed,
         sd_um={wave.n: wave.sd_um for wave in found.fit.waves},
         angle_deg=angle_deg,

@@ -11,10 +11,10 @@ from console.cli.simulation import iron_told
 from console.session.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.errors import SessionError
 from console.session.identified_response import response_in
-from console.session.learned_store import NONE, asked_for, chosen, date_problems, versions
+from console.session.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
 from console.session.learning import refuse_unlearnable
 from console.session.run import RunPlan, plan_run
-from console.session.stages import Stage, nominal_path
+from console.session.stages import FOLLOWING, Stage, nominal_path
 from console.session.whereabouts import address_of
 from drivers.cut import Strategy
 from drivers.heartbeat import cut_condition
@@ -23,11 +23,11 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.compensation import CutPath
 from profiles.files import printable
 from profiles.job import Job
-from profiles.learned import LearnedCompensation
+from profiles.learned import MODEL, LearnedCompensation, differences
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 from profiles.response import ServoResponse
-from profiles.store import LoadedJob
+from profiles.store import LoadedJob, LoadedMachine
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +35,8 @@ class RunOrder:
     """`address` is None for a simulated machine in this process, in the time that computing it takes.
 
     `true` is what that one is really like, None as its profile says. `parts` are so many in a row that learn.
-    `part_file` is where the trace of the part is written. `warnings` are told before anything moves.
+    `part_file` is where the trace of the part is written. `warnings` are told before anything moves; they say, too,
+    what was learned that this cut does without.
     """
 
     job: LoadedJob
@@ -92,8 +93,29 @@ def ordered(options: Namespace) -> RunOrder:
         true=true,
         parts=options.learn,
         part_file=part_file,
-        warnings=(*machine.warnings, *date_problems(learned), *plan.warnings),
+        warnings=(
+            *machine.warnings,
+            *date_problems(learned),
+            *_unused(options, job, machine, simulated=simulated),
+            *plan.warnings,
+        ),
     )
+
+
+def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool) -> tuple[Problem, ...]:
+    """Return that a version was learned for this job and is not asked for; parts in a row begin from the job."""
+    if options.compensation != NONE or options.learn is not None or Strategy(options.strategy) not in FOLLOWING:
+        return ()
+    try:
+        newest = accepted(job, machine, data_of(options), simulated=simulated)
+    except ProblemError as error:
+        return tuple(error.problems)  # a cut without them does not need them
+    if newest is None or newest.reverts == MODEL:
+        return ()
+    strategy = newest.holds_for.strategy
+    if differences(newest, asked_for(job, machine, strategy, simulated=simulated)):
+        return ()
+    return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
 
 
 def _inverted(options: Namespace, machine: MachineProfile, *, simulated: bool) -> ServoResponse | None:

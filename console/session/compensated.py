@@ -6,15 +6,16 @@ turned by as much as the lobe is.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from console.session.learned_store import asked_for, versions
+from console.session.learned_store import accepted, asked_for, versions
 from console.session.stages import FOLLOWING, Stage, staged
 from console.session.work import Work
 from drivers.cut import Strategy
 from profiles.compensation import CutPath
 from profiles.job import Job
-from profiles.learned import LearnedCompensation, differences
+from profiles.learned import MODEL, LearnedCompensation, differences
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
@@ -62,6 +63,52 @@ def compensation_problems(
         limit = " | ".join(FOLLOWING)
         problems.append(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
     return tuple(problems)
+
+
+def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
+    """Return the work on a job that was just opened, to be cut with the newest version that was accepted of it.
+
+    Where that is none of this cut any more, or cannot be read, it is the model's, and that is said.
+    """
+    try:
+        newest = accepted(work.loaded, work.machine, data, simulated=simulated)
+    except ProblemError as error:
+        return replace(work, set_aside=tuple(error.problems))
+    if newest is None:
+        return work
+    used = using(work, newest)
+    problems = chosen_problems(used, simulated=simulated)
+    return replace(work, set_aside=problems) if problems else used
+
+
+def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
+    """Return the work with a word of a newer version that was accepted since, as by `console learn` elsewhere.
+
+    What was chosen stays chosen. Files that cannot be read are told where the version is used.
+    """
+    try:
+        newest = accepted(work.loaded, work.machine, data, simulated=simulated)
+    except ProblemError:
+        return work
+    if newest is None or work.edited or chosen_problems(using(work, newest), simulated=simulated):
+        return work
+    used = 0 if work.compensation is None else work.compensation.version
+    if newest.version <= used or (used == 0 and work.set_aside):
+        return work
+    return replace(work, set_aside=(Problem(code="learned.newer", key=str(newest.version)),))
+
+
+def using(work: Work, version: LearnedCompensation) -> Work:
+    """Return the work with a version, which is one of its strategy: both are chosen."""
+    return replace(work, compensation=version, strategy=version.holds_for.strategy, set_aside=())
+
+
+def without_learned(work: Work) -> Work:
+    """Return the work with the model again; a version that was learned is set aside, which is said."""
+    learned = work.compensation
+    aside = learned is not None and learned.reverts != MODEL
+    said = (Problem(code="learned.set_aside", key=str(learned.version)),) if learned and aside else ()
+    return replace(work, compensation=None, set_aside=said)
 
 
 def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:

@@ -48,6 +48,16 @@ def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
     return tuple(_load(file) for file in sorted(_folder(data, asked).glob("version-*.json")))
 
 
+def accepted(job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool) -> LearnedCompensation | None:
+    """Return the newest version of a job on a machine, whether it still holds or not; None where there is none.
+
+    Raises:
+        ProfileError: as `versions`.
+    """
+    known = versions(data, asked_for(job, machine, "", simulated=simulated))
+    return known[-1] if known else None
+
+
 def chosen(word: str, known: tuple[LearnedCompensation, ...], asked: HoldsFor) -> LearnedCompensation | None:
     """Return the version that `word` means: "none", "newest" or its number; None is that of the model.
 

@@ -30,9 +30,11 @@ from profiles.job import Job
 from profiles.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part
 from profiles.learning_watch import Grown, Watch
 from profiles.next_version import FIRST_GAIN, LATER_GAIN
+from profiles.part_waves import PartWaves, part_waves
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.traces import Trace
+from profiles.uncompensated import uncompensated
 
 AIR_PASSES, MOST_AIR_PASSES = 3, 8
 AIR_ENOUGH_UM_PP = 1.0
@@ -98,7 +100,8 @@ def learn(plan: RunPlan, open_shop: Callable[[], Shop], tell: Tell, parts: int) 
     """Cut `parts` parts on one machine, each with what the ones before have taught.
 
     Raises:
-        ProblemError: `learning.no_gauge`, `learning.strategy`; what went wrong, see `cut_part`.
+        ProblemError: `learning.no_gauge`, `learning.strategy`; why a part teaches nothing, as a single one would
+            be refused; what went wrong, see `cut_part`.
     """
     refuse_unlearnable(plan, measured=True)
     learner = _Learner(plan, open_shop(), tell)
@@ -157,18 +160,35 @@ class _Learner:
         self._homed = False
 
     def reference(self) -> RoundnessResult:
-        """Cut a part without compensation."""
-        return self._plain(self._job, "before")
+        """Cut a part without compensation; what its gauge cannot tell, it cannot tell of the parts either.
+
+        Raises:
+            SessionError: why nothing can be learned from such a trace.
+        """
+        trace = self._plain(self._job, "before")
+        self._teaching(trace)
+        return evaluated(trace)
 
     def floor(self) -> RoundnessResult:
         """Cut a part that is not lobed, without compensation: what is left is the machine's own."""
-        return self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor")
+        return evaluated(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
 
-    def _plain(self, job: Job, name: str) -> RoundnessResult:
+    def _teaching(self, trace: Trace) -> PartWaves:
+        """Return the waves of a part, by the rule of every way in: `console learn` and the screen ask the same.
+
+        Raises:
+            SessionError: why nothing may be learned from it.
+        """
+        part = part_waves(trace, self._job, filter_upr=FILTER_UPR)
+        if part.reasons:
+            raise SessionError(*part.reasons)
+        return part
+
+    def _plain(self, job: Job, name: str) -> Trace:
         plan = plan_cut(
             job, self._machine, Strategy.NONE, from_turn=self._turn(), lease=self._plan.cut.setup.lease
         )
-        return evaluated(_measured(self._cut(self._shop, job, plan, name).trace))
+        return _measured(self._cut(self._shop, job, plan, name).trace)
 
     def _cut(
         self, shop: Shop, job: Job, plan: CutPlan, name: str, beside: Beside | None = None, number: int = 0
@@ -210,7 +230,7 @@ class _Learner:
         return self._job.jaws not in self._watch.frozen
 
     def _learn_in_air(self, off: HarmonicFit) -> None:
-        left = self._learnable(off)
+        left = self._learnable(off.coefficients_um)
         # What friction makes of an overtone comes with the swing of the lobe, which is being learned.
         allowed = {n: 0.0 if n == self._job.jaws else held_back_um(self._machine, self._job, n) for n in left}
         self._watch = self._watch.judged(self._path, left, lambda _: off.amplitude_sd_um, allowed.__getitem__)
@@ -243,21 +263,37 @@ class _Learner:
     def _learn_from(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> tuple[int, ...]:
         """Put the trim into the table, and what the part has shown; return the waves that were learned."""
         job = self._job
-        found = fit_harmonics(trace.angle_deg, trace.deviation_um, self._orders)
+        found = self._teaching(trace)
+        self._refuse_worse(found, off)
         by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
         folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
         path = CutPath(wanted=self._path.wanted, command=folded)
         # Another clamping has another lobe, whatever the tool does.
         scatter_um = {job.jaws: 0.5 * lobe_um_per_n(job, self._machine) * force_sd_n(job, self._machine)}
         self._watch = self._watch.judged(
-            path, self._learnable(found), lambda n: math.hypot(found.amplitude_sd_um, scatter_um.get(n, 0.0))
+            path,
+            self._learnable(found.coefficients_um),
+            lambda n: math.hypot(found.sd_um[n], scatter_um.get(n, 0.0)),
         )
-        high = self._watch.learned(self._learnable(found, found.significant()))
-        missed = self._watch.learned(self._learnable(off))
+        high = self._watch.learned(self._learnable(found.significant_um()))
+        missed = self._watch.learned(self._learnable(off.coefficients_um))
         part = Deviation(mean_um=found.mean_um, coefficients_um=high)
         tool = Deviation(mean_um=off.mean_um, coefficients_um=missed)
         self._path = learned_part(self._watch.kept(path), part, tool, self._response, gain)
         return tuple(sorted({*high, *missed}))
+
+    def _refuse_worse(self, part: PartWaves, off: Deviation) -> None:
+        """Refuse to learn from a part that its compensation has made worse, by the rule of a single part.
+
+        Raises:
+            SessionError: `learned.worse`.
+        """
+        lobes = self._job.jaws
+        # What the tool has done was seen here.
+        done_um = self._path.wanted.waves[0].coefficient - off.coefficients_um.get(lobes, 0j)
+        plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
+        if plain.reasons():
+            raise SessionError(*plain.reasons())
 
     def _planned_in_air(self, job: Job) -> CutPlan:
         """Plan a pass in air; what is beyond all bounds there is the axis, for nothing else was measured yet.
@@ -296,13 +332,9 @@ class _Learner:
         waves = {*OTHERS, lobes, *(lobes * overtone for overtone in OVERTONES)}
         return tuple(sorted(waves))
 
-    def _learnable(
-        self, found: HarmonicFit | Deviation, among: Mapping[int, complex] | None = None
-    ) -> dict[int, complex]:
+    def _learnable(self, coefficients_um: Mapping[int, complex]) -> dict[int, complex]:
         """Return the coefficients of the lobe and its overtones."""
-        lobes = self._job.jaws
-        coefficients = found.coefficients_um if among is None else among
-        return {n: c for n, c in coefficients.items() if n % lobes == 0}
+        return {n: c for n, c in coefficients_um.items() if n % self._job.jaws == 0}
 
     def _response(self, waves: int) -> complex:
         frequency_hz = waves * self._job.spindle_speed_rpm / 60.0

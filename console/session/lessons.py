@@ -143,7 +143,7 @@ def taught_by(
         date=date,
     )
     waves = tuple(_left(n, part, lesson, path, stage) for n in orders)
-    warnings = (*date_problems(version), *part.warnings)
+    warnings = (*date_problems(version), *part.warnings, *lesson.warnings)
     return Taught(lesson=lesson, made=made, stage=stage, warnings=warnings, waves=waves)
 
 

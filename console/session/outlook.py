@@ -11,6 +11,7 @@ from drivers.identification.nominal import path_response
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
 from profiles.compensation import CutPath, LobedPath, residual_um_pp, wanted_path
 from profiles.job import Job
+from profiles.learned import ExpectedPart
 from profiles.machine import MachineProfile
 from profiles.response import ServoResponse
 from profiles.rules import Finding, check
@@ -48,7 +49,8 @@ class Outlook:
 
     `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `wanted`;
     where it inverts nothing these are of `pvt`. `shares` are those of the sine of the command, at the speed of the
-    job.
+    job. `taught` is what a measured part lets expect of one cut with what it has taught, where that is the path:
+    the model knows nothing of what was learned. None is the model's.
     """
 
     job: Job
@@ -63,6 +65,7 @@ class Outlook:
     shares: dict[str, Share]
     grip_margin_n: float
     findings: tuple[Finding, ...]
+    taught: ExpectedPart | None = None
 
 
 def outlook(
@@ -72,10 +75,12 @@ def outlook(
     response: ServoResponse | None = None,
     *,
     path: CutPath | None = None,
+    taught: ExpectedPart | None = None,
 ) -> Outlook:
     """Compute the outlook; `response` is that of the path of `strategy`, by default by the machine profile.
 
-    `path` is what was learned of a cut with `strategy`, with its own command, as that of `drivers.cut.plan_cut`.
+    `path` is what was learned of a cut with `strategy`, with its own command, as that of `drivers.cut.plan_cut`,
+    and `taught` what the part lets expect that has taught it.
 
     Raises:
         ProblemError: `response.amplified`, `response.outside_band`, `response.too_sparse`: the axis cannot be
@@ -99,6 +104,7 @@ def outlook(
         shares=shares_of(machine, need),
         grip_margin_n=grip_margin_n(job, machine),
         findings=check(job, machine),
+        taught=taught,
     )
 
 

@@ -128,7 +128,7 @@ class CutWatch:
         self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
         self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
-        self._peak_um = 0.0
+        self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
         self._judged = plan.strategy is not Strategy.NONE
         self._phase_limit_deg = phase_limit_deg(plan.wanted, job.roundness_tolerance_um)
@@ -148,6 +148,7 @@ class CutWatch:
         cutting = cutting and not self._held and not self._over
         if cutting and snapshot.program_running:
             stage = CutStage.CUT
+            self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
             self._looks.append((angle_deg % 360.0, error_um))
             self._infeeds.append((angle_deg, infeed_um))
             if AxisName.SPINDLE in snapshot.driven:
@@ -172,9 +173,7 @@ class CutWatch:
         wanted_um: float,
     ) -> CutProgress:
         machine, job = self._machine, self._job
-        z_mm = (snapshot.carriage.position - self._face) / machine.carriage.counts_per_mm
-        if stage is CutStage.POSITION:
-            z_mm = 0.0  # the carriage comes from wherever it stood; nothing of the cut is done
+        z_mm = self._done_mm(snapshot, stage)
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
         angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
         phase = self._phase()
@@ -202,6 +201,21 @@ class CutWatch:
             errors_um=errors,
             phase_limit_deg=self._phase_limit_deg,
         )
+
+    def _done_mm(self, snapshot: Snapshot, stage: CutStage) -> float:
+        """Return how much of the length is cut: of a cut that is over what it was, wherever the carriage goes."""
+        match stage:
+            case CutStage.POSITION:
+                return 0.0  # the carriage comes from wherever it stood
+            case CutStage.DONE:
+                return self._job.cut_length_mm
+            case CutStage.RETRACT | CutStage.HELD:
+                return self._reached_mm
+            case _:
+                return self._past_face_mm(snapshot)
+
+    def _past_face_mm(self, snapshot: Snapshot) -> float:
+        return (snapshot.carriage.position - self._face) / self._machine.carriage.counts_per_mm
 
     def _synchronisation(
         self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: Phase | None

@@ -41,7 +41,8 @@ class Work:
     why neither can be. `undo` are the earlier values of the job, newest last.
 
     `compensation` is what was learned of this cut, None the model's. What is changed afterwards does not change
-    it: whether it still holds is judged, see `console.session.compensated`.
+    it: whether it still holds is judged, see `console.session.compensated`. `set_aside` says of the newest version
+    that was accepted why this cut does not use it; empty where it does, or there is none.
     """
 
     loaded: LoadedJob
@@ -49,6 +50,7 @@ class Work:
     job: Job
     strategy: str = STRATEGIES[0]
     compensation: LearnedCompensation | None = None
+    set_aside: tuple[Problem, ...] = ()
     stage: str = STAGES[0]
     outlook: Underway | None = None
     preview: Preview | None = None

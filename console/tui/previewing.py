@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from console.session.preview import Asked, Preview, Program, Underway
     from drivers.cut import Strategy
     from profiles.compensation import CutPath
+    from profiles.learned import ExpectedPart
     from profiles.response import ServoResponse
     from profiles.servo import Eq9Summary
 
@@ -35,7 +36,7 @@ LOOPS_KEPT = 4
 class Question:
     """What is to be foreseen; `response` and `path` are those of a cut with `strategy`, None for the model's.
 
-    A cut `in_air` has the same program further out.
+    `taught` is what the part lets expect that has taught the path. A cut `in_air` has its program further out.
     """
 
     job: Job
@@ -43,6 +44,7 @@ class Question:
     strategy: str
     response: ServoResponse | None = None
     path: CutPath | None = None
+    taught: ExpectedPart | None = None
     in_air: bool = False
 
 
@@ -93,6 +95,7 @@ class Previewer:
             strategy=work.strategy,
             response=response,
             path=path,
+            taught=None if path is None else _taught(work, alignment),
             in_air=work.stage == "air",
         )
         answered = self._answered(work, question)
@@ -160,6 +163,19 @@ class Previewer:
         return True
 
 
+def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
+    """Return what a part has taught of the path that is cut, with jaw 1 where it was found; None of one in air."""
+    from console.session.stages import Stage
+    from profiles.learned import expected_part
+
+    stage = Stage(work.stage)
+    if work.compensation is None or stage is Stage.AIR:
+        return None
+    found = expected_part(work.compensation, stage.share)
+    turn_deg = aligned_job(work.job, alignment).lobe_phase_deg - work.job.lobe_phase_deg
+    return None if found is None else found.turned(turn_deg)
+
+
 def _begin(question: Question) -> _Begun:
     from console.session.outlook import outlook
     from console.session.preview import all_asked
@@ -168,7 +184,7 @@ def _begin(question: Question) -> _Begun:
 
     parts = (question.job, question.machine, Strategy(question.strategy), question.response)
     try:
-        seen = outlook(*parts, path=question.path)
+        seen = outlook(*parts, path=question.path, taught=question.taught)
     except ProblemError as error:
         return _Begun(question=question, problems=tuple(error.problems))
     except Exception as fault:

@@ -129,6 +129,18 @@ def test_what_is_not_meant_for_this_cut_is_refused_before_it(
         assert word in said.err
 
 
+def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, learned: str, tmp_path: Path) -> None:
+    def unused(*words: str) -> list[tuple[str, str, str]]:
+        options = build(load("en")).parse_args(["run", ring, "--sim", *words])
+        return [(problem.code, problem.key, problem.value) for problem in ordered(options).unused]
+
+    assert unused("--strategy", "cam") == unused("--strategy", "pvt") == [("learned.not_used", "1", "cam")]
+    for words in (("--compensation", "newest"), ("--learn", "2"), ("--strategy", "none")):
+        assert unused(*(() if "--strategy" in words else ("--strategy", "cam")), *words) == []
+    assert console("learn", "--job", ring, "--revert", "0", "--sim", "--keep").code == 0
+    assert unused("--strategy", "cam") == []
+
+
 def test_a_job_that_was_changed_has_learned_nothing(console: Console, ring: str, learned: str) -> None:
     with Path(ring).open("a") as file:
         file.write("\n# another remark\n")

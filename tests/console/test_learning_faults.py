@@ -22,6 +22,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.true_parameters import ideal
 from drivers.snapshot import Snapshot
 from drivers.stop import StopPath
 from profiles.problem import Problem, ProblemError
@@ -121,7 +122,8 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
     plant.write_text(STRONG, encoding="utf-8")
     row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, plant_named(str(plant), MACHINE, 3)))
     monkeypatch.setattr(learning, "MOST_AIR_PASSES", 3)
-    monkeypatch.setattr(learning._Learner, "_plain", lambda *_: None)  # the parts to compare with
+    for compared in ("reference", "floor"):
+        monkeypatch.setattr(learning._Learner, compared, lambda *_: None)
     plan = plan_run(replace(JOB, cut_length_mm=1.0), MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
     result = learn(plan, row.shop, row.tell, 1)
     (part,) = result.parts
@@ -132,6 +134,19 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
     assert part.roundness.amplitude_um(9) < 1.0
     (problem,) = result.warnings
     assert "9/rev is not learned: it grew from" in load("en").problem(problem)
+
+
+def test_a_part_that_its_compensation_makes_worse_ends_the_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    """2 sin(3 d / 2) of the lobe is left with jaw 1 d degrees off: 1.22 of 55 um at 25 degrees."""
+    row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, replace(ideal(MACHINE), jaw_offset_deg=25.0)))
+    for compared in ("reference", "floor"):
+        monkeypatch.setattr(learning._Learner, compared, lambda *_: None)
+    with pytest.raises(ProblemError) as refused:
+        row.learn(monkeypatch)
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.key, problem.limit) == ("learned.worse", "+25 deg", "55.0 um")
+    assert "find jaw 1 again" in load("en").problem(problem)
+    assert row.met[-1].at_rest
 
 
 def test_an_axis_that_needs_more_than_friction_takes_is_named_in_air(monkeypatch: pytest.MonkeyPatch) -> None:

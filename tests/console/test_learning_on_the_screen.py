@@ -11,7 +11,19 @@ import numpy as np
 import pytest
 
 from console.session.errors import SessionError
-from console.session.intents import Arm, ConfirmClamping, Disarm, Measure, Start, SwitchOff, SwitchOn
+from console.session.intents import (
+    Arm,
+    ConfirmClamping,
+    Disarm,
+    Forget,
+    Jog,
+    Measure,
+    Start,
+    SwitchOff,
+    SwitchOn,
+    TakeJaw,
+    TakeTouchOff,
+)
 from console.session.learned_store import asked_for, store
 from console.session.made_parts import parts_made
 from console.session.part_lesson import PartLesson, accept, lesson_of, revert
@@ -19,6 +31,7 @@ from console.session.progress import CutStage
 from console.session.stages import Stage, nominal_path
 from console.session.state import Armed, MeasuredPart, StationState
 from drivers.cut import Strategy
+from drivers.snapshot import AxisName
 from profiles.learned import LearnedCompensation, model_again
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 from profiles.traces import Trace, write_trace
@@ -104,6 +117,9 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     shop: Shop, console: Console, tmp_path: Path
 ) -> None:
     first = shop.part()
+    # The table takes the carriage back to where it began; what was cut is cut.
+    ended = shop.floor.state.cut
+    assert ended is not None and (ended.turn, ended.z_mm) == (ended.turns, ended.length_mm)
     one = accept(lesson(first), shop.data)
     with pytest.raises(SessionError, match=r"learned\.accepted"):
         accept(lesson(first), shop.data)
@@ -139,6 +155,27 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     steps = [(each["version"], each["parent"], each["reverts"]) for each in known]
     assert steps == [(1, 0, None), (2, 1, None), (3, 0, 1), (4, 0, 0)]
     assert all(each["holds"] for each in known)
+
+
+def test_a_part_with_jaw_1_taken_elsewhere_is_not_offered_anywhere(
+    shop: Shop, console: Console, tmp_path: Path
+) -> None:
+    """25 degrees of spindle are 75 of a lobe of three: 55 um become 61."""
+    for order in (Forget(), Forget(), Jog(axis=AxisName.SPINDLE, distance=25.0), TakeJaw()):
+        shop.floor.do(order)
+    shop.floor.do(TakeTouchOff(radius_mm=shop.job.job.radius_mm))
+    part = shop.part()
+    assert lobe_um_pp(part) > shop.job.job.lobe_error_um_pp
+    (problem,) = lesson(part).reasons
+    assert problem.code == "learned.worse"
+    with pytest.raises(SessionError, match=r"learned\.worse"):
+        accept(lesson(part), shop.data)
+    trace = tmp_path / "aside.csv"
+    write_trace(trace, part.trace)
+    of_job = ("--job", str(shop.job.path), "--machine", str(shop.machine.path))
+    said = console("learn", str(trace), *of_job, "--keep")
+    assert said.code == 1 and "find jaw 1 again" in said.err
+    assert console("learn", *of_job, "--list", "--sim", "--json").json["versions"] == []
 
 
 def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:

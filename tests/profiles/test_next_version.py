@@ -23,6 +23,7 @@ from profiles.part_waves import PartWaves, part_waves
 from profiles.problem import ProfileError
 from profiles.store import load_job
 from profiles.traces import Trace
+from profiles.uncompensated import uncompensated
 
 JOB = load_job("lee-2001-experiment-1").job
 LOBE = 27.5 * cmath.exp(-1j * math.radians(3 * JOB.lobe_phase_deg))
@@ -304,3 +305,51 @@ def test_an_overtone_is_judged_by_what_half_a_part_has_taught_too() -> None:
     again = taught(cut, part({3: 0.05 + 0j, 9: 0.1 + 0j}, noise_um=0.01), scatter_um=0.5)
     assert again.contractions[9].verdict is Verdict.UNCLEAR
     assert again.reasons == ()
+
+
+def turned(path: CutPath, off_deg: float, arrives: complex, share: float = 1.0) -> PartWaves:
+    """A part in the angles of its job, when jaw 1 was taken so many degrees off: its lobe stands that far on."""
+    lobe = LOBE * cmath.exp(-3j * math.radians(off_deg))
+    return part({3: lobe - share * arrives * path.wanted.waves[0].coefficient}, noise_um=0.05)
+
+
+@pytest.mark.parametrize("held", [1.0, 0.82, 0.61], ids=["ideal", "3 N at 50 Hz", "3 N at 33 um"])
+@pytest.mark.parametrize("off_deg", [25.0, -25.0])
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_part_with_jaw_1_taken_elsewhere_teaches_nothing(off_deg: float, held: float, share: float) -> None:
+    """|1 - exp(-j 75 deg)| is 1.22: worse than no compensation, though clamping may scatter by more than that."""
+    cut = CutWith(path=MODEL, share=share, version=None)
+    lesson = taught(cut, turned(MODEL, off_deg, held, share), scatter_um=2.3)
+    (problem,) = lesson.reasons
+    assert (problem.code, problem.limit) == ("learned.worse", "55.0 um")
+    # The tool is taken for one that does its path: 17 to 25 degrees of 25.
+    assert 16.0 <= math.copysign(1.0, off_deg) * float(problem.key.split()[0]) <= 25.0
+
+
+def test_a_lobe_that_is_only_elsewhere_is_a_warning_and_a_tool_that_is_held_back_none() -> None:
+    cut = CutWith(path=MODEL, share=1.0, version=None)
+    aside = taught(cut, turned(MODEL, 15.0, 1.0))
+    assert ([p.code for p in aside.warnings], aside.reasons) == (["learned.lobe_elsewhere"], ())
+    assert aside.warnings[0].value == "+15 deg"
+    for arrives in (0.0, 0.85, 1.45, cmath.rect(0.8, math.radians(-20.0))):
+        for size in (0.95, 1.06):
+            lobe = {3: (size - arrives) * LOBE}
+            said = taught(cut, part(lobe, noise_um=0.05), scatter_um=2.3)
+            assert (said.warnings, said.reasons) == ((), ()), (arrives, size)
+
+
+def test_what_has_no_lobe_to_speak_of_is_not_made_worse() -> None:
+    tiny = replace(JOB, lobe_error_um_pp=0.02)
+    path = CutPath(wanted=wanted_path(tiny), command=wanted_path(tiny))
+    found = uncompensated(0.5j, 0.001, path.wanted.waves[0].coefficient, 1.0, tiny)
+    assert (found.reasons(), found.warnings()) == ((), ())
+
+
+def test_of_a_lobe_that_a_model_says_the_part_itself_tells_how_large_it_was() -> None:
+    """A job that says 20 um of 55: what is left is larger than 20, and the part is better all the same."""
+    job = replace(JOB, lobe_error_source="model", lobe_error_um_pp=20.0)
+    known, expected_um = 27.5 + 0j, wanted_path(job).waves[0].coefficient
+    towards = expected_um / abs(expected_um)
+    assert uncompensated(known * towards - expected_um, 0.01, expected_um, 1.0, job).reasons() == ()
+    aside = known * towards * cmath.exp(-3j * math.radians(59.0))
+    assert uncompensated(aside - expected_um, 0.01, expected_um, 1.0, job).reasons()

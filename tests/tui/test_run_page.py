@@ -254,7 +254,7 @@ def test_after_the_cut_figures_and_the_way_on() -> None:
     page = shown(STATES["done"])
     for value in ("1000.0 rpm", "1.41 um", "0.44 um", "14.12 um", "9.02 um", "340"):
         assert value in page.text
-    assert "not measured yet" in page.words
+    assert "not from the part" in page.words
     assert page.next_step.startswith("6 ")
     real = shown(replace(STATES["done"], simulated=False))
     assert "simulated" not in real.text

@@ -14,7 +14,6 @@ from textual.app import ComposeResult
 from textual.containers import Vertical
 
 from console.session.alignment import AlignStep, force_problems
-from console.session.clearance import over_part
 from console.session.intents import (
     Approach,
     ConfirmClamping,
@@ -41,10 +40,12 @@ from console.tui.pages.align_lines import (
     drives_are_on,
     in_part_word,
     is_in_part,
+    is_over_part,
     is_valid,
     jaw_off_deg,
     step_lines,
     step_now,
+    touch_word,
     why_lines,
 )
 from console.tui.pages.chuck_picture import chuck_lines
@@ -55,7 +56,6 @@ from console.tui.theme import Token
 from console.tui.waiting import refusal, waiting
 from drivers.snapshot import AxisName
 from profiles.job import Job
-from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 JOGS = {
@@ -205,6 +205,9 @@ class AlignPage(Page):
             return "clamp_refused"
         if step is AlignStep.JAW and self._jog is None:
             return "jaw_enable"
+        if step is AlignStep.TOUCH_OFF:
+            place = touch_word(state, machine)
+            return f"touch_off{place}_enable" if place == "_over" and self._jog is None else f"touch_off{place}"
         if step is None:
             return "jaw_off" if (jaw_off_deg(state, machine) or 0.0) > NEAR_MARK_DEG else "valid"
         return str(step)
@@ -248,7 +251,7 @@ class AlignPage(Page):
                 self._confirm_clamping(state, job)
             case AlignStep.JAW:
                 self._take_jaw(state)
-            case AlignStep.TOUCH_OFF if not _is_over_part(state, self.desk.machine.machine):
+            case AlignStep.TOUCH_OFF if not is_over_part(state, self.desk.machine.machine):
                 self._say("alignment.beside_part", key="tool")
             case AlignStep.TOUCH_OFF:
                 self._post(TakeTouchOff(radius_mm=job.radius_mm))
@@ -455,11 +458,3 @@ class AlignPage(Page):
 
 def _job(view: View) -> Job | None:
     return None if view.work is None else view.work.job
-
-
-def _is_over_part(state: StationState, machine: MachineProfile) -> bool:
-    """Whether the clamped part is in front of the tool, by the rule that the station refuses by."""
-    clamping = state.alignment.clamping
-    if clamping is None or state.snapshot is None:
-        return False
-    return over_part(state.snapshot, machine, clamping.overhang_mm)

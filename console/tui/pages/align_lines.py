@@ -16,7 +16,7 @@ from console.session.alignment import (
     step_problems,
 )
 from console.session.axis_units import counts_per_unit
-from console.session.clearance import tool_in_part
+from console.session.clearance import over_part, tool_in_part
 from console.session.jogging import tool_radius_mm
 from console.session.state import Activity, StationState
 from console.text.catalogue import Catalogue
@@ -234,14 +234,35 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
         return text("align_page.hint.clamp_drives_on")
     if step is AlignStep.CLAMP and force_problems(job):
         return text("align_page.hint.clamp_refused")
+    place = touch_word(state, machine) if step is AlignStep.TOUCH_OFF else ""
     return text(
-        f"align_page.hint.{step}",
+        f"align_page.hint.{step}{place}",
         material=job.material,
         diameter=f"{job.diameter_mm:.3f}",
         radius=f"{job.radius_mm:.3f}",
         force=f"{job.chucking_force_n:.0f}",
         error=f"{job.lobe_error_um_pp:.1f}",
     )
+
+
+def touch_word(state: StationState, machine: MachineProfile) -> str:
+    """Return where the tool stands before the touch-off: "" beside the part, "_over" over it, "_touching".
+
+    That it touches is seen on a simulated lathe alone.
+    """
+    if not is_over_part(state, machine):
+        return ""
+    seen = state.seen
+    touches = seen is not None and seen.tool_gap_mm is not None and seen.tool_gap_mm <= 0.0
+    return "_touching" if touches else "_over"
+
+
+def is_over_part(state: StationState, machine: MachineProfile) -> bool:
+    """Whether the clamped part is in front of the tool, by the rule that the station refuses by."""
+    clamping = state.alignment.clamping
+    if clamping is None or state.snapshot is None:
+        return False
+    return over_part(state.snapshot, machine, clamping.overhang_mm)
 
 
 def is_in_part(state: StationState, machine: MachineProfile) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.compensated import chosen_problems
+from console.session.compensated import chosen_problems, using, without_learned
 from console.session.errors import SessionError
 from console.session.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.work import STAGES
@@ -13,7 +13,7 @@ from profiles.problem import Problem
 
 
 def step_compensation(desk: Desk) -> None:
-    """Take the newest version for the job in hand, or the model again where one is in use; say what is odd of it.
+    """Take the newest version for the job in hand, or the model again where that one is in use; say what is odd.
 
     Raises:
         SessionError: `learned.edited_now`, no version is for an edited job; `learned.none_yet`; those of `chosen`.
@@ -22,8 +22,8 @@ def step_compensation(desk: Desk) -> None:
     work = desk.work
     if work is None:
         return
-    if work.compensation is not None:
-        desk.work = replace(work, compensation=None)
+    if work.compensation is not None and not work.set_aside:
+        desk.work = without_learned(work)
         return
     if work.edited:
         raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
@@ -32,8 +32,10 @@ def step_compensation(desk: Desk) -> None:
     known = versions(desk.data, asked)
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
-    desk.work = replace(work, compensation=chosen(NEWEST, known, asked))
-    desk.said = date_problems(desk.work.compensation)
+    newest = chosen(NEWEST, known, asked)
+    assert newest is not None
+    desk.work = using(work, newest)
+    desk.said = date_problems(newest)
 
 
 def step_stage(desk: Desk) -> None:

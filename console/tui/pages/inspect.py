@@ -43,6 +43,12 @@ _JAW_1 = "1"
 WORSE = ("learned.diverges", "learned.wave_diverges")
 """Reasons to go back."""
 
+MADE_WORSE = "learned.worse"
+"""A reason to look at the set-up: going back would not help."""
+
+ELSEWHERE = "learned.lobe_elsewhere"
+"""A reason to look at the set-up before anything is kept."""
+
 
 class InspectPage(Page):
     """Before and after on one scale, with every figure as a number beside it."""
@@ -140,7 +146,7 @@ class InspectPage(Page):
         if part is None:
             return self._message_lines(view.state, width)
         lesson = part.lesson
-        taught = [] if lesson is None else learn_lines(lesson, view.work, text, width)
+        taught = [] if lesson is None else learn_lines(lesson, view.work, text, width, failed=_fails(part))
         return [*wrong_lines(part, text, width), *taught]
 
     def _learned(self, key: Callable[[Desk], None]) -> None:
@@ -183,7 +189,7 @@ class InspectPage(Page):
         if part is None or part.lesson is None:
             return
         text, room = self.desk.text, self._learn.size
-        rows = learn_lines(part.lesson, view.work, text, max(room.width, 1))
+        rows = learn_lines(part.lesson, view.work, text, max(room.width, 1), failed=_fails(part))
         self._learn.show(rows[: room.height])
         self._learn.border_title = learn_title(part.lesson, text)
         self._learn.border_subtitle = text("panel.more") if len(rows) > room.height else ""
@@ -252,17 +258,30 @@ def _next_word(view: View) -> str:
         return "next_compensate"
     lesson = part.lesson
     teaches, kept = lesson is not None and not lesson.reasons, is_kept(lesson, view.work)
-    if lesson is not None and any(reason.code in WORSE for reason in lesson.reasons):
+    codes = [] if lesson is None else [reason.code for reason in lesson.reasons]
+    if MADE_WORSE in codes:
+        return "next_made_worse"
+    if any(code in WORSE for code in codes):
         return "next_worse"
-    if part.is_half:
-        return "next_half_learn" if teaches and not kept else "next_half"
     if kept:
-        return "next_kept"
-    if part.result.ront_um > part.job.roundness_tolerance_um:
-        return "next_failed_learn" if teaches else "next_failed"
-    taught = None if lesson is None else lesson.taught
-    # What clamping scatters anyway is no reason to stay: the part passes.
-    return "next_part_learn" if teaches and taught is not None and not in_scatter(taught) else "next_part"
+        return "next_half" if part.is_half else "next_kept"
+    taught = None if lesson is None or not teaches else lesson.taught
+    if taught is not None and any(warning.code == ELSEWHERE for warning in taught.warnings):
+        return "next_check_jaw"
+    # What clamping scatters anyway is no reason to stay, for a part that passes.
+    stands_out = taught is not None and not in_scatter(taught)
+    if part.is_half:
+        return "next_half_learn" if stands_out else "next_half"
+    if not _fails(part):
+        return "next_part_learn" if stands_out else "next_part"
+    if taught is None:
+        return "next_failed"
+    return "next_failed_learn" if stands_out else "next_failed_scatter"
+
+
+def _fails(part: MeasuredPart) -> bool:
+    """Whether a part is less round than its job asks; half a part is not judged."""
+    return not part.is_half and part.result.ront_um > part.job.roundness_tolerance_um
 
 
 def _news(state: StationState) -> tuple[object, ...]:

@@ -130,8 +130,17 @@ class JobsPage(Page):
             self.desk.said = (Problem(code="screen.edits_unsaved", value=printable(work.job.name)),)
             return
         if work is None or not kept or (not work.edited and work.loaded.sha256 != loaded.sha256):
-            self.desk.work = opened(loaded, self.desk.machine)
+            self.desk.work = self._opened(loaded)
+            self.desk.said = self.desk.work.set_aside
         self.desk.go(PageName.SETUP)
+
+    def _opened(self, loaded: LoadedJob) -> Work:
+        """Return the work on a job, with what was learned of it and accepted, in whatever session."""
+        # Numerics, which the first page does without.
+        from console.session.compensated import with_accepted
+
+        fresh = opened(loaded, self.desk.machine)
+        return with_accepted(fresh, self.desk.data, simulated=self.desk.control.state.simulated)
 
     def _was_warned(self, loaded: LoadedJob, work: Work) -> bool:
         return self._warned == (loaded.path, work.job)

@@ -23,8 +23,13 @@ def learn_title(lesson: PartLesson, text: Catalogue) -> str:
     return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
 
 
-def learn_lines(lesson: PartLesson, work: Work | None, text: Catalogue, width: int) -> list[Line]:
-    """Return what the part teaches, or why nothing: each wave, gain, convergence, and what the next cut uses."""
+def learn_lines(
+    lesson: PartLesson, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
+) -> list[Line]:
+    """Return what the part teaches, or why nothing: each wave, gain, convergence, and what the next cut uses.
+
+    What is said of clamping scatter goes with what comes next: a part that has `failed` cannot stay as it is.
+    """
     lines = reason_lines(lesson, text, width)
     taught = lesson.taught
     if taught is not None:
@@ -32,9 +37,10 @@ def learn_lines(lesson: PartLesson, work: Work | None, text: Catalogue, width: i
             lines += wrapped(_half_words(taught, text), width, Token.STRONG)
         lines += wrapped(_wave_words(taught, text), width, Token.STRONG)
         lines += wrapped(" · ".join(_facts(taught, work, text)), width)
-        if in_scatter(taught):
+        if in_scatter(taught) and not lesson.reasons and not is_kept(lesson, work):
             scatter = f"{taught.lesson.expected_half_width_um_pp:.2f}"
-            lines += hanging(_MARK, text("inspect_page.in_scatter", scatter=scatter), width, Token.WARNING)
+            words = text("inspect_page.may_scatter" if failed else "inspect_page.in_scatter", scatter=scatter)
+            lines += hanging(_MARK, words, width, Token.WARNING)
         for problem in taught.warnings:
             lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
     return lines

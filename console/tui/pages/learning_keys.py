@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from console.session.compensated import using
 from console.session.errors import SessionError
 from console.session.part_lesson import PartLesson, accept, revert
 from console.session.work import Work
 from console.tui.desk import Desk
-from profiles.learned import HoldsFor, LearnedCompensation
+from profiles.learned import HoldsFor
 from profiles.problem import Problem
 
 
@@ -27,7 +26,7 @@ def accept_lesson(desk: Desk) -> None:
     if lesson.taught is None:
         raise SessionError(*lesson.problems)
     work = _work_on(desk, part.job.name, lesson.taught.lesson.next.holds_for)
-    desk.work = _using(work, accept(lesson, desk.data))
+    desk.work = using(work, accept(lesson, desk.data))
 
 
 def revert_version(desk: Desk) -> None:
@@ -42,7 +41,7 @@ def revert_version(desk: Desk) -> None:
         raise SessionError(Problem(code="screen.nothing_to_cut"))
     _refuse_edited(work)
     older = revert(work.compensation, work.loaded, work.machine, desk.data, simulated=simulated)
-    desk.work = _using(work, older)
+    desk.work = using(work, older)
 
 
 def _work_on(desk: Desk, job: str, holds_for: HoldsFor) -> Work:
@@ -57,8 +56,3 @@ def _work_on(desk: Desk, job: str, holds_for: HoldsFor) -> Work:
 def _refuse_edited(work: Work) -> None:
     if work.edited:
         raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
-
-
-def _using(work: Work, version: LearnedCompensation) -> Work:
-    """A version is one of its strategy: both are chosen."""
-    return replace(work, compensation=version, strategy=version.holds_for.strategy)

@@ -18,6 +18,7 @@ from console.session.preview import Underway
 from console.session.stages import Stage
 from console.session.state import StationState
 from console.session.work import STRATEGIES, Work, with_strategy
+from console.text.catalogue import Catalogue
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import Line, clipped, line, wrapped
@@ -25,6 +26,7 @@ from console.tui.page import Page
 from console.tui.pages.choosing_keys import say_what_does_not_hold, step_compensation, step_stage
 from console.tui.pages.made_words import chosen_words
 from console.tui.pages.preview_lines import (
+    by_part,
     finding_lines,
     findings_of,
     foreseen,
@@ -43,7 +45,9 @@ from console.tui.plot.trace_view import Series, TraceView
 from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from drivers.cut import Strategy
+from profiles.learned import MODEL
 from profiles.problem import ProblemError
+from profiles.rules import Finding, Severity
 
 ROWS_FOR_PLOTS = 16
 """Rows of the page below which numbers take the room of the plots."""
@@ -58,17 +62,20 @@ _JAW_1 = "1"
 def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     """Return the predicted roundness without compensation and, on top, with this strategy.
 
-    Each is that of its program; until that is there, of its closed form, if there is one.
+    Each is that of its program; until that is there, of its closed form, if there is one. Where a part has taught
+    the path, it is the lobe that this lets expect.
     """
     traces = []
     for which, token in ((Strategy.NONE, Token.BEFORE), (strategy, Token.AFTER)):
         made = foreseen(seen, which)
         if made is None or (token is Token.AFTER and strategy is Strategy.NONE):
             continue
+        angle_deg, left_um = made.angle_deg, made.residual_um
+        told = None if token is Token.BEFORE else by_part(seen, which)
+        if told is not None:
+            angle_deg, left_um = _TURN_DEG, told.lobe.at_um(_TURN_DEG)
         dashed = token is Token.BEFORE
-        traces.append(
-            PolarTrace(angle_deg=made.angle_deg, deviation_um=made.residual_um, token=token, dashed=dashed)
-        )
+        traces.append(PolarTrace(angle_deg=angle_deg, deviation_um=left_um, token=token, dashed=dashed))
     return traces
 
 
@@ -202,7 +209,7 @@ class PreviewPage(Page):
         elif self._reading:
             words = text("preview_page.next_program")
         else:
-            words = text(f"preview_page.{_next_word(work)}")
+            words = _next_words(text, work, seen)
         return line((words, Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
@@ -213,7 +220,9 @@ class PreviewPage(Page):
         seen = known_of(work)
         chosen = chosen_problems(work, simulated=view.state.simulated)
         found = [] if seen is None else finding_lines(findings_of(seen, Strategy(work.strategy)), text, width)
-        return [*problem_lines((*chosen, *work.preview_problems), text, width), *found]
+        aside = [Finding(severity=Severity.WARNING, problem=problem) for problem in work.set_aside]
+        against = problem_lines((*chosen, *work.preview_problems), text, width)
+        return [*against, *finding_lines(aside, text, width), *found]
 
     def _not_for_it(self, work: Work, state: StationState) -> bool:
         """Whether the job may not be cut with the compensation and the stage that are chosen."""
@@ -243,8 +252,14 @@ class PreviewPage(Page):
             self._see(self._charts)
             self._draw(seen, strategy)
             self._write(seen, strategy, view.state.alignment, _band(work, seen, strategy))
-            key = "made_not" if self._not_for_it(work, view.state) else "made"
-            self._strategy.border_subtitle = text(f"preview_page.{key}", made=chosen_words(text, work))
+            told = "roundness_by_part" if by_part(seen, strategy) else "roundness_as"
+            self._roundness.border_subtitle = text(f"preview_page.{told}")
+            self._strategy.border_subtitle = self._chosen_words(work, view.state)
+
+    def _chosen_words(self, work: Work, state: StationState) -> str:
+        """Return what the part is cut with, and whether that would be refused, or a version is set aside."""
+        key = "made_not" if self._not_for_it(work, state) else "made_aside" if work.set_aside else "made"
+        return self.desk.text(f"preview_page.{key}", made=chosen_words(self.desk.text, work))
 
     @property
     def _sizes(self) -> tuple[Size, ...]:
@@ -306,12 +321,24 @@ _CHOICES: dict[str, Callable[[Desk], None]] = {
 
 def _band(work: Work, seen: Underway, strategy: Strategy) -> Band | None:
     """Return the band of what is left; there is none of what was learned, of which the model knows nothing."""
-    if work.compensation is not None or work.stage == Stage.AIR:
+    learned = work.compensation is not None and work.compensation.reverts != MODEL
+    if learned or work.stage == Stage.AIR:
         return None
     return predicted_band(seen, strategy)
 
 
-def _next_word(work: Work) -> str:
+def _next_words(text: Catalogue, work: Work, seen: Underway) -> str:
+    """Return what this cut is, where that needs a word, and what comes next: the findings, then the alignment."""
+    found, word = findings_of(seen, Strategy(work.strategy)), _next_word(work, seen)
+    if word == "next_align":
+        return text("preview_page.next_findings" if found else "preview_page.next_align")
+    then = text("preview_page.then_findings" if found else "preview_page.then_align")
+    return f"{text(f'preview_page.{word}')} {then}"
+
+
+def _next_word(work: Work, seen: Underway) -> str:
     if work.stage != Stage.FULL:
         return "next_air" if work.stage == Stage.AIR else "next_half"
-    return "next_align" if work.compensation is None else "next_learned"
+    if work.set_aside:
+        return "next_aside"
+    return "next_align" if by_part(seen, Strategy(work.strategy)) is None else "next_learned"

@@ -13,10 +13,11 @@ from console.session.outlook import INVERTING
 from console.session.preview import Prediction, Response, Underway
 from console.session.work import STRATEGIES
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, ranged, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line, ranged, wrapped
 from console.tui.theme import Token
 from drivers.cut import CutPlan, Strategy
 from profiles.job import Job
+from profiles.learned import ExpectedPart
 from profiles.problem import Problem, ProblemError
 from profiles.rules import Finding, Severity
 
@@ -68,6 +69,19 @@ def foreseen(seen: Underway, strategy: Strategy) -> Prediction | ClosedForm | No
     if strategy in seen.strategies:
         return seen.predictions.get(strategy)
     return closed_form(seen, strategy)
+
+
+def by_part(seen: Underway, strategy: Strategy) -> ExpectedPart | None:
+    """Return what a measured part says of a cut with this strategy, in place of the model, if one does."""
+    return seen.taught if strategy is seen.strategy else None
+
+
+def left_words(seen: Underway, strategy: Strategy) -> str:
+    """Return the roundness that is expected, um: by the part that taught the path, else by the model."""
+    told, made = by_part(seen, strategy), seen.predictions.get(strategy)
+    if told is not None:
+        return NOTHING if told.ront_um is None else f"{told.ront_um:.1f}"
+    return UNKNOWN if made is None else f"{made.ront_um:.1f}"
 
 
 def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
@@ -126,7 +140,7 @@ def roundness_caption(
         left_um = seen.job.lobe_error_um_pp if without is None else without.ront_um
         lines += _trace_words(BEFORE_KEY, text("preview_page.without"), Token.BEFORE, f"{left_um:.1f}", width)
     if strategy is not Strategy.NONE and (with_ is not None or strategy not in seen.strategies):
-        left = UNKNOWN if with_ is None else f"{with_.ront_um:.1f}"
+        left = left_words(seen, strategy)
         lines += _trace_words(AFTER_KEY, strategy.value, Token.AFTER, left, width, band)
     lines.append((dim(text("preview_page.scale", value=f"{um_per_division:g}")),))
     return [*lines, *wrapped(jaw_words(seen.job, alignment, text), width)]
@@ -228,7 +242,6 @@ def _trace_words(
 
 def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Catalogue, width: int) -> Line:
     """One strategy with what it leaves."""
-    prediction = seen.predictions.get(strategy)
     mine = strategy is chosen
     left = line(
         ("▸ " if mine else "  ", Token.ACTION),
@@ -238,8 +251,7 @@ def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Ca
     token = Token.STRONG if mine else Token.TEXT
     if refused(seen, strategy):
         return ranged(left, line(("✗ " + text("preview_page.refused"), Token.ALARM)), width)
-    ront = UNKNOWN if prediction is None else f"{prediction.ront_um:.1f}"
-    return ranged(left, line((f" {ront} um", token)), width)
+    return ranged(left, line((f" {left_words(seen, strategy)} um", token)), width)
 
 
 def _found(plan: CutPlan | ProblemError | None, findings: Sequence[Finding], text: Catalogue, width: int) -> Line:

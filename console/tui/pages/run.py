@@ -15,6 +15,7 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.alignment import JawAngle
 from console.session.clearance import no_retract, tool_in_part
+from console.session.compensated import with_news
 from console.session.intents import Arm, Disarm, Hold, Retract, Start
 from console.session.progress import CutProgress, CutStage
 from console.session.stages import Stage
@@ -31,6 +32,7 @@ from console.tui.pages.run_lines import (
     checks,
     failing,
     figure_lines,
+    is_over,
     moves_lines,
     summary_lines,
 )
@@ -131,6 +133,7 @@ class RunPage(Page):
         self._drawn: CutProgress | None = None
         self._view: View | None = None
         self._waits_for_room = False
+        self._asked = False
         text = desk.text
         self._errors.border_title = text("run_page.errors")
 
@@ -150,6 +153,7 @@ class RunPage(Page):
     def show(self, view: View) -> None:
         """Show the newest state."""
         self._view = view
+        self._ask_for_news()
         phase = phase_of(view.state)
         self.set_class(phase is Phase.CUTTING, "-live")
         roomy = self.size.height >= LEAST_POLAR_ROWS
@@ -159,6 +163,17 @@ class RunPage(Page):
         panels = (self._progress, self._values) if phase is Phase.CUTTING else (self._left, self._right)
         if self._have_room(panels):
             self._fill(phase, view)
+
+    def leave(self) -> None:
+        """Something may be learned elsewhere by the next time."""
+        self._asked = False
+
+    def _ask_for_news(self) -> None:
+        """Look once, when the page is shown after another one, whether a newer version was accepted meanwhile."""
+        work, state = self.desk.work, self.desk.control.state
+        if not self._asked and work is not None:
+            self._asked = True
+            self.desk.work = with_news(work, self.desk.data, simulated=state.simulated)
 
     def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
         """Whether these panels know their size. Where not, they are filled as soon as they were laid out."""
@@ -182,7 +197,7 @@ class RunPage(Page):
             case Phase.CUTTING if cut is not None:
                 self._show_cut(cut, view)
             case Phase.ENDED if cut is not None:
-                self._show_end(cut, view.state)
+                self._show_end(cut, view)
             case Phase.STOPPED:
                 self._show_stop(view)
             case Phase.LOST:
@@ -221,7 +236,7 @@ class RunPage(Page):
             case Phase.STOPPED if state.stop is not None:
                 return stop_lines(text, state, facts)
             case Phase.ENDED:
-                return after_lines(text, state, width)
+                return after_lines(text, state, width, checks(state, view.work, machine))
             case Phase.CUTTING:
                 return []
         moves = [] if state.armed is None else moves_lines(text, state.armed, machine, width)
@@ -241,8 +256,8 @@ class RunPage(Page):
             return "armed", Token.ACTION
         if state.activity is not Activity.READY:
             return "wait", Token.DIM
-        if phase is Phase.ENDED and state.cut_done:
-            return ("measure" if state.simulated else "take_out"), Token.ACTION
+        if phase is Phase.ENDED and is_over(state):
+            return _over_word(state), Token.ACTION
         if _left(state) and (inside := self._in_part(state)) is not False:
             closed = state.snapshot is not None and state.snapshot.loops_closed
             held = "retract" if inside else "retract_unknown"
@@ -368,10 +383,10 @@ class RunPage(Page):
         if self._polar.border_title != title:
             self._polar.border_title = title
 
-    def _show_end(self, cut: CutProgress, state: StationState) -> None:
-        text = self.desk.text
+    def _show_end(self, cut: CutProgress, view: View) -> None:
+        text, found = self.desk.text, checks(view.state, view.work, self.desk.machine.machine)
         self._left.show(figure_lines(text, cut, min(self._left.size.width, WIDEST_FACT)))
-        after = after_lines(text, state, self._right.size.width)
+        after = after_lines(text, view.state, self._right.size.width, found)
         self._right.show(clipped(after, self._right.size.height, text("panel.more")))
         self._titled(text("run_page.figures"), text("run_page.what_next"))
 
@@ -427,6 +442,13 @@ def _left(state: StationState) -> bool:
 def _done_in_air(state: StationState) -> bool:
     """Whether the cut in air has been done, after which the blank is still there."""
     return state.cut is not None and state.cut.in_air and state.cut.stage is CutStage.DONE
+
+
+def _over_word(state: StationState) -> str:
+    """Return the word of what comes after a cut that has been cut to its end."""
+    if not state.cut_done:
+        return "measured"
+    return "measure" if state.simulated else "take_out"
 
 
 def _stage_word(cut: CutProgress) -> str:

@@ -102,8 +102,9 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
     fits = of_job(job, aligned_machine(machine, state.alignment))
     as_found = of_lobe(job, machine, strategy, simulated=state.simulated)
     yield Check(name="job", problems=(*fits.problems, *as_found.problems))
-    if chosen is not None:
-        yield Check(name="learned", problems=chosen)
+    aside = () if work is None or state.armed is not None else work.set_aside
+    if chosen is not None or aside:
+        yield Check(name="learned", problems=chosen or (), warnings=aside)
     yield Check(name="aligned", problems=problems(state.alignment, job))
 
 
@@ -248,10 +249,25 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     ]
 
 
-def after_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
-    """Return what comes next after a cut that has ended, and where stops have marked the part."""
+def after_lines(text: Catalogue, state: StationState, width: int, found: tuple[Check, ...] = ()) -> list[Line]:
+    """Return what comes next after a cut that has ended, where stops have marked the part, and what is missing.
+
+    `found` are the conditions of another cut on the same blank; of one that is cut to its end there is none.
+    """
     marks = mark_lines(text, state.marks_mm, width) if state.marks_mm else []
-    return [*_next_lines(text, state, width), *([BLANK, *marks] if marks else [])]
+    missing = [] if is_over(state) else [check for check in found if check.problems]
+    rows = check_lines(text, tuple(missing), width)
+    return [
+        *_next_lines(text, state, width),
+        *([BLANK, *marks] if marks else []),
+        *([BLANK, *rows] if rows else []),
+    ]
+
+
+def is_over(state: StationState) -> bool:
+    """Whether the blank in hand is cut to its end, be it measured or not: the next cut needs another one."""
+    cut = state.cut
+    return state.cut_done or (cut is not None and cut.stage is CutStage.DONE and not cut.in_air)
 
 
 def _next_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:

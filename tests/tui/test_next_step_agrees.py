@@ -1,0 +1,140 @@
+"""The row of the next step says what the page above it says, and asks for nothing that is done already."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from rich.cells import cell_len
+
+from console.session.alignment import Alignment
+from console.session.progress import CutStage
+from console.session.state import Activity, MeasuredPart, StationState
+from console.session.work import Work, with_strategy
+from console.text.catalogue import load
+from console.tui.lines import plain
+from console.tui.pages.align import AlignPage
+from console.tui.pages.inspect import InspectPage
+from console.tui.pages.learn_lines import learn_lines
+from console.tui.pages.preview import PreviewPage
+from console.tui.pages.run import RunPage
+from drivers.cut import Strategy
+from drivers.simulator.shop_view import ShopView
+from profiles.learned import ExpectedPart
+from profiles.problem import Problem
+from profiles.rules import Finding, Severity
+from tests.tui import align_stage, run_stage
+from tests.tui.page_stage import Shown, shown_on
+from tests.tui.scenes import AFTER, part, previewed, signed, taught
+from tests.tui.stage import LANGUAGES
+
+EN = load("en")
+PART = taught(part(Strategy.CAM, AFTER))
+"""A part with 1.8 um of lobe left, of which two clampings may differ by 11.55 um."""
+
+
+def cam() -> Work:
+    return with_strategy(signed(), "cam")
+
+
+def fails(measured: MeasuredPart) -> MeasuredPart:
+    return replace(measured, job=replace(measured.job, roundness_tolerance_um=2.0))
+
+
+def inspected(measured: MeasuredPart, language: str = "en") -> Shown:
+    state = StationState(activity=Activity.READY, measured=measured)
+    return shown_on(InspectPage, state, work=cam(), language=language)
+
+
+def panel(measured: MeasuredPart) -> str:
+    """What the panel Learn says, as w shows it."""
+    assert measured.lesson is not None
+    failed = measured.result.ront_um > measured.job.roundness_tolerance_um
+    return " ".join(plain(learn_lines(measured.lesson, cam(), EN, 76, failed=failed)).split())
+
+
+def test_what_may_not_help_is_not_offered_and_what_is_offered_is_not_called_so() -> None:
+    passed, failed = inspected(PART), inspected(fails(PART))
+    assert "may not help" in panel(PART) and "a accepts" not in passed.next_step
+    assert "may not help" not in panel(fails(PART)) and "a accepts" in failed.next_step
+    assert "only the next part shows whether it repeats" in panel(fails(PART))
+    assert "repeats" in failed.next_step
+
+
+def test_of_a_lobe_that_is_elsewhere_the_set_up_is_asked_for_first() -> None:
+    assert PART.lesson is not None and PART.lesson.taught is not None
+    warned = replace(PART.lesson.taught, warnings=(Problem(code="learned.lobe_elsewhere", value="+15 deg"),))
+    for measured in (PART, fails(PART)):
+        page = inspected(replace(measured, lesson=replace(PART.lesson, taught=warned)))
+        assert page.next_step == EN("inspect_page.next_check_jaw")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_after_the_gauge_run_says_one_thing(language: str) -> None:
+    text = load(language)
+    done = run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES)
+    # Measuring opens the chuck: nothing is clamped and the drives are off.
+    now = run_stage.state(
+        replace(run_stage.VALID, clamping=None),
+        snapshot=run_stage.look(run_stage.OFF),
+        cut=done,
+        measured=PART,
+    )
+    page = shown_on(RunPage, now, work=cam(), language=language)
+    assert page.next_step == text("run_page.next.measured") and cell_len(page.next_step) <= 77
+    assert text("run_page.after_measured")[:20] in page.words
+    assert not any(words in page.words + page.next_step for words in ("not measured yet", "see the list"))
+
+
+def test_a_list_that_is_spoken_of_is_there() -> None:
+    """After a hold the blank may be cut again; the drives were switched off meanwhile."""
+    held = run_stage.state(Alignment(), snapshot=run_stage.look(run_stage.OFF), cut=run_stage.cut(CutStage.HELD))
+    page = shown_on(RunPage, held, work=cam())
+    assert "see the list" in page.next_step
+    assert "✗ drives on" in page.text or "✗ alignment valid" in page.text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    ("carriage_mm", "gap_mm", "said"),
+    [
+        (41.2, None, "touch_off"),
+        (171.0, 0.25, "touch_off_over_enable"),
+        (171.0, 0.0, "touch_off_touching"),
+        (171.0, -0.003, "touch_off_touching"),
+    ],
+)
+def test_the_touch_off_asks_for_what_is_left_of_it(
+    carriage_mm: float, gap_mm: float | None, said: str, language: str
+) -> None:
+    text = load(language)
+    seen = ShopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=gap_mm)
+    snapshot = align_stage.look(carriage_mm=carriage_mm)
+    now = align_stage.state(replace(align_stage.VALID, touch_off=None), seen=seen, snapshot=snapshot)
+    page = shown_on(AlignPage, now, language=language)
+    assert page.next_step == text(f"align_page.next.{said}", radius="26.000")
+    assert cell_len(page.next_step) <= 77
+    # F4 takes the tool away from the part, to come in again: it is not proposed to one that is there.
+    assert ("F4" in align_stage.words_of(page.text) + page.next_step) is (carriage_mm < 100.0)
+    jogging = shown_on(AlignPage, now, "align.enable", language=language)
+    assert jogging.next_step in (page.next_step, text("align_page.next.touch_off_over", radius="26.000"))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_nobody_is_sent_on_to_align_past_what_was_found(language: str) -> None:
+    text, made = load(language), previewed(signed().job)
+    warning = Finding(
+        severity=Severity.WARNING,
+        problem=Problem(code="rule.lobe_unstated", key="lobe_error_source", value="measured", limit="lobe_tool"),
+    )
+    taught_by = ExpectedPart(ront_um=2.4, lobe=made.wanted.waves[0])
+    for found in (False, True):
+        seen = replace(made, findings=(warning,) if found else ())
+        plainly = replace(signed(), outlook=seen, preview=seen)
+        by_part = replace(plainly, preview=replace(seen, taught=taught_by))
+        works = (plainly, replace(plainly, stage="air"), replace(plainly, stage="partial"), by_part)
+        for work in works:
+            page = shown_on(PreviewPage, StationState(activity=Activity.READY), work=work, language=language)
+            assert cell_len(page.next_step) <= 77
+            read = text("preview_page.next_findings" if work is plainly else "preview_page.then_findings")
+            assert page.next_step.endswith(read) is found
