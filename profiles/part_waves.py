@@ -34,7 +34,7 @@ class PartWaves:
     """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, with standard errors.
 
     `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
-    spindle angle `begins_deg`. `filter_upr` is the filter of RONt. `reasons` are why
+    spindle angle `begins_deg`. `filter_upr` is the filter of RONt, `radius_mm` that of the part. `reasons` are why
     nothing may be learned from it; `warnings` do not spoil it.
     """
 
@@ -45,6 +45,7 @@ class PartWaves:
     against_spindle: bool
     begins_deg: float
     filter_upr: float
+    radius_mm: float | None = None
     reasons: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -54,7 +55,7 @@ class PartWaves:
         left_um = np.array(self.deviation_um)
         for n, coefficient in (less_um or {}).items():
             left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
-        return evaluate(self.angle_deg, left_um, self.filter_upr).ront_um
+        return evaluate(self.angle_deg, left_um, self.filter_upr, radius_mm=self.radius_mm).ront_um
 
     def turned(self, by_deg: float) -> PartWaves:
         """Return the part as if it had stood so many degrees of spindle further on, as `LobedPath.turned`."""
@@ -94,6 +95,7 @@ def part_waves(
         against_spindle=header.against_spindle,
         begins_deg=begins_deg,
         filter_upr=filter_upr,
+        radius_mm=header.radius_mm or job.radius_mm - job.depth_of_cut_mm,
         reasons=tuple(reasons),
         warnings=found.warnings,
     )
