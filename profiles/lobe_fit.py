@@ -154,9 +154,8 @@ def fit_lobe(
         _refuse_thin(angle[kept], jaws, orders)
     angle, deviation, design, root_weight = angle[kept], deviation[kept], design[kept], root_weight[kept]
     beta, spread = _solved(design, deviation, root_weight, orders)
-    freedom = deviation.size - beta.size
-    left = deviation - design @ beta
-    noise = noise_spectrum(angle, root_weight * left, orders, beta.size)
+    left = root_weight * (deviation - design @ beta)
+    noise = noise_spectrum(angle, left, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
     by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
 
@@ -169,7 +168,7 @@ def fit_lobe(
         jaws=jaws,
         waves=tuple(wave(n) for n in orders),
         mean_um=float(beta[0]),
-        noise_um=math.sqrt(float(np.sum((root_weight * left) ** 2)) / freedom),
+        noise_um=math.sqrt(noise.level),
         points=deviation.size,
         left_out=kept.size - deviation.size,
         turns=max(len(of_turns), 1),
