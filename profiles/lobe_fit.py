@@ -158,15 +158,13 @@ def fit_lobe(
     noise = noise_spectrum(angle, left, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
     by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
-
-    def wave(n: int) -> Wave:
-        variance, own_freedom = noise.at(n)
-        return _wave(n, orders.index(n), beta, [(variance * spread, own_freedom), *by_turns])
-
+    covariances = {
+        n: [(variance * spread, freedom), *by_turns] for n in orders for variance, freedom in [noise.at(n)]
+    }
     left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
-        waves=tuple(wave(n) for n in orders),
+        waves=tuple(_wave(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
         mean_um=float(beta[0]),
         noise_um=math.sqrt(noise.level),
         points=deviation.size,
