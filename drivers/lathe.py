@@ -84,7 +84,7 @@ class Lathe:
         self._looks = Looks(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
         forgo = heartbeat.forgo if heartbeat is not None else lambda: None
         self._sending = Sending(client, stop, self._looks, ownership, forgo)
-        self._motion = Motion(self._looks, stop, clock, heartbeat, ownership, self.hold)
+        self._motion = Motion(machine, self._looks, stop, clock, heartbeat, ownership, self.hold)
         self._loading = Loading(client, machine, clock)
         self._jogs = Jogs(machine, self._looks, self._motion, stop, self._loading, self._jog)
 

@@ -8,6 +8,7 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.guards import Guard, open_loop_problem, reset_problem, unguarded
 from drivers.heartbeat import LAPSED, Heartbeat
+from drivers.left_behind import left_behind
 from drivers.looks import Looks
 from drivers.ownership import Ownership
 from drivers.pmac.heartbeat.plc import Policy
@@ -15,6 +16,7 @@ from drivers.safety import device_problems
 from drivers.snapshot import AxisName, Snapshot
 from drivers.standing import Standing
 from drivers.stop import StopPath
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 CUT_POLL_S = 0.023
@@ -32,6 +34,7 @@ class Motion:
 
     def __init__(
         self,
+        machine: MachineProfile,
         looks: Looks,
         stop: StopPath,
         clock: Clock,
@@ -40,7 +43,7 @@ class Motion:
         hold: Callable[[], None],
     ) -> None:
         """`hold` asks the program that runs to end by itself, with its tool out."""
-        self._looks, self._stop, self._clock = looks, stop, clock
+        self._machine, self._looks, self._stop, self._clock = machine, looks, stop, clock
         self._heartbeat, self._ownership, self._hold = heartbeat, ownership, hold
 
     def _pause(self, seconds: float) -> None:
@@ -75,9 +78,9 @@ class Motion:
         )
         alone: tuple[Problem, ...] = ()
         while True:
-            snapshot = self._next_look(deadline, watch, homed)
+            before, snapshot = self._looks.last, self._next_look(deadline, watch, homed)
             met = snapshot.axis_faults if watch is None else snapshot.faults
-            self._refuse_faults(snapshot, what, [fault for fault in met if fault not in standing_on])
+            self._refuse_faults(before, snapshot, what, [fault for fault in met if fault not in standing_on])
             self._refuse_astray(snapshot, guard)
             if not alone and self._heartbeat is not None and self._heartbeat.silent is not None:
                 alone = (self._heartbeat.silent,)
@@ -95,15 +98,16 @@ class Motion:
                 self._stop.stop(f"{what}: {timeout_s:g} s")
                 raise DriverError(*alone, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
 
-    def _refuse_faults(self, snapshot: Snapshot, what: str, faults: list[str]) -> None:
+    def _refuse_faults(self, before: Snapshot | None, snapshot: Snapshot, what: str, faults: list[str]) -> None:
         """Stop for what is wrong; a safety device that has ended it by itself is what is told first.
 
         Raises:
-            DriverError: `safety.not_good`, `machine.fault`.
+            DriverError: `safety.not_good`, `machine.fault`, `machine.left_behind`, `machine.tool_left_behind`.
         """
         problems = device_problems(snapshot.inputs)
         if faults:
             problems = (*problems, Problem(code="machine.fault", key=what, value=", ".join(faults)))
+            problems = (*problems, *left_behind(self._machine, before, snapshot))
         if problems:
             self._stop.stop(faults[0] if faults else problems[0].key)
             raise DriverError(*problems)

@@ -12,9 +12,12 @@ Weighted least squares with W = diag(1 / sigma_i^2), after C. F. Gauss:
     A = hypot(p, q),           sd(A) = sqrt(J C J'),              J = (p, q) / A
     crest = atan2(q, p) / n,   sd(crest) = sqrt(K C K') / n,      K = (-q, p) / A^2
 
-so that white noise at equal angles gives sd(A) = sigma sqrt(2 / M). Real traces repeat from turn to turn, so
-that with several turns each is fitted for itself, too, and the larger of the two standard errors is reported:
-by the residuals (M - k degrees of freedom), by the T turns (T - 1).
+so that white noise at equal angles gives sd(A) = sigma sqrt(2 / M). What a fit leaves of a real part is not white:
+its form falls with the order, and a wave has more of it than the average order. For each wave s^2 is therefore
+that of its order, see `profiles.noise_spectrum`, where what is left is not as likely white. Real traces repeat
+from turn to turn, so that with several turns each is fitted for itself, too, and the larger of the two standard
+errors is reported: by the residuals (M - k degrees of freedom, fewer where s^2 is that of an order), by the T
+turns (T - 1).
 
 A wave is significant where A exceeds its sd by sqrt(2 F) with F the 95 % point of Fisher's F of 2 and as many
 degrees of freedom (2.45 for many), and 1e-6 um, below which there is only rounding. Small amplitudes come out too
@@ -31,6 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.confidence import CONFIDENCE, student
+from profiles.noise_spectrum import NoiseSpectrum, noise_spectrum
 from profiles.problem import Problem, ProfileError
 
 HIGHEST_ORDER = 500
@@ -84,8 +88,9 @@ class LobeFit:
     """The waves of a trace, by order. `noise_um` is the standard deviation of what they leave.
 
     `points` were fitted, over `turns` turns (1: only the residuals speak for the confidence); `left_out` were
-    taken for chips and scratches. `left_n` is the order of the largest wave in what is left, of those that were
-    not fitted, and `left_um` its amplitude: well above `floor_um` it should have been declared.
+    taken for chips and scratches. `left_n` is the order of the wave that stands most out of what is left, of those
+    that were not fitted, and `left_um` its amplitude; `floor_um` is the amplitude that noise like the rest shows
+    at that order once in twenty traces: well above it the wave should have been declared.
     """
 
     jaws: int
@@ -97,6 +102,7 @@ class LobeFit:
     turns: int
     left_n: int
     left_um: float
+    floor_um: float
 
     @property
     def lobe(self) -> Wave:
@@ -107,11 +113,6 @@ class LobeFit:
     def error_um_pp(self) -> float:
         """Peak to peak of the lobe alone: twice its amplitude, the 55 um of Fig 14 of Lee & Lee (2001)."""
         return 2 * self.lobe.amplitude_um
-
-    @property
-    def floor_um(self) -> float:
-        """Amplitude that white noise as large as what is left shows at any one order once in twenty traces."""
-        return _significant_at(math.inf) * self.noise_um * math.sqrt(2 / self.points)
 
     def wave(self, n: int) -> Wave:
         """Return the wave of order n, which must have been fitted."""
@@ -153,24 +154,25 @@ def fit_lobe(
         _refuse_thin(angle[kept], jaws, orders)
     angle, deviation, design, root_weight = angle[kept], deviation[kept], design[kept], root_weight[kept]
     beta, spread = _solved(design, deviation, root_weight, orders)
-    freedom = deviation.size - beta.size
-    left = deviation - design @ beta
-    variance = float(np.sum((root_weight * left) ** 2)) / freedom
+    left = root_weight * (deviation - design @ beta)
+    noise = noise_spectrum(angle, left, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
-    covariances = [(variance * spread, float(freedom))]
-    if len(of_turns) > 1:
-        covariances.append((np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0))
-    left_n, left_um = _largest_left(angle, left, orders)
+    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
+    covariances = {
+        n: [(variance * spread, freedom), *by_turns] for n in orders for variance, freedom in [noise.at(n)]
+    }
+    left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
-        waves=tuple(_wave(n, place, beta, covariances) for place, n in enumerate(orders)),
+        waves=tuple(_wave(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
         mean_um=float(beta[0]),
-        noise_um=math.sqrt(variance),
+        noise_um=math.sqrt(noise.level),
         points=deviation.size,
         left_out=kept.size - deviation.size,
         turns=max(len(of_turns), 1),
         left_n=left_n,
         left_um=left_um,
+        floor_um=floor_um,
     )
 
 
@@ -306,10 +308,15 @@ def _significant_at(freedom: float) -> float:
     return math.sqrt(freedom * math.expm1(-2.0 / freedom * math.log(chance)))
 
 
-def _largest_left(angle: Floats, left: Floats, orders: tuple[int, ...]) -> tuple[int, float]:
-    """Return order and amplitude of the largest wave in what the fit leaves; (0, 0) where no order can be seen."""
-    highest = min(_HIGHEST_LEFT, (np.unique(np.round(angle % 360.0, 6)).size - 1) // 2)
-    theta = np.radians(angle)
-    others = [n for n in range(1, highest + 1) if n not in orders]
-    sizes = [2.0 * abs(complex(np.mean(left * np.exp(-1j * n * theta)))) for n in others]
-    return max(zip(others, sizes, strict=True), key=lambda pair: pair[1], default=(0, 0.0))
+def _most_left(noise: NoiseSpectrum, orders: tuple[int, ...], root_weight: Floats) -> tuple[int, float, float]:
+    """Return order, amplitude and floor of the wave that stands most out of what is left; 0 where none can be."""
+    found = [(0, 0.0, _floor_um(noise.level, root_weight.size))]
+    for n, power in enumerate(noise.powers[:_HIGHEST_LEFT], start=1):
+        if n not in orders:
+            size_um = 2.0 * math.sqrt(float(power) * root_weight.size) / float(root_weight.sum())
+            found.append((n, size_um, _floor_um(noise.at(n)[0], root_weight.size)))
+    return max(found, key=lambda each: each[1] / each[2] if each[2] else 0.0)
+
+
+def _floor_um(variance: float, points: int) -> float:
+    return _significant_at(math.inf) * math.sqrt(2.0 * variance / points)

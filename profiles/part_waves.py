@@ -35,8 +35,8 @@ class PartWaves:
     """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, with standard errors.
 
     `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
-    spindle angle `begins_deg`. `mean_um` is the mean of the fit, `filter_upr` the filter of RONt. `reasons` are
-    why nothing may be learned from it; `warnings` do not spoil it.
+    spindle angle `begins_deg`. `mean_um` is the mean of the fit, `filter_upr` the filter of RONt, `radius_mm` the
+    radius of the part. `reasons` are why nothing may be learned from it; `warnings` do not spoil it.
     """
 
     mean_um: float
@@ -47,6 +47,7 @@ class PartWaves:
     against_spindle: bool
     begins_deg: float
     filter_upr: float
+    radius_mm: float | None = None
     reasons: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -56,7 +57,7 @@ class PartWaves:
         left_um = np.array(self.deviation_um)
         for n, coefficient in (less_um or {}).items():
             left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
-        return evaluate(self.angle_deg, left_um, self.filter_upr).ront_um
+        return evaluate(self.angle_deg, left_um, self.filter_upr, radius_mm=self.radius_mm).ront_um
 
     def significant_um(self) -> dict[int, complex]:
         """Return the coefficients that stand out of the noise."""
@@ -101,6 +102,7 @@ def part_waves(
         against_spindle=header.against_spindle,
         begins_deg=begins_deg,
         filter_upr=filter_upr,
+        radius_mm=header.radius_mm or job.radius_mm - job.depth_of_cut_mm,
         reasons=tuple(reasons),
         warnings=found.warnings,
     )

@@ -8,7 +8,7 @@ Gaussian filter, here for a closed profile: no end effects). Where a circle may 
 place with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.sliding`.
 
 Problem codes: those of `profiles.metrology`, and `trace.unequal_angles`, `trace.eccentric`; as a warning also
-`trace.few_points`.
+`trace.few_points` and `trace.off_axis`.
 """
 
 from __future__ import annotations
@@ -35,6 +35,11 @@ from profiles.problem import Problem, ProfileError
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
 _MOST_OVALITY_UM = 0.05
+OFF_AXIS = "trace.off_axis"
+"""Code of the warning that a part sits off the axis and does not state its radius."""
+
+SMALLEST_MM = 5.0
+"""Radius of the smallest part that is thought of where a trace does not state it."""
 # Share of the radius: further off centre the angles about the axis say little about those of the part.
 _MOST_ECCENTRIC = 0.1
 
@@ -118,7 +123,8 @@ def evaluate(
     lobes of half its width would be missing from the result without a trace. With `above_upr` the filter is a band
     pass from there. With the radius of the part the circles are those of its points in the plane, and a part too
     eccentric for the limacon model is taken about its own centre; `trace.eccentric` refuses one that is off by
-    more than a tenth of its radius. `robust` leaves suspect points (chips, scratches) out and says how many.
+    more than a tenth of its radius. Without it `trace.off_axis`, a warning, says that an eccentricity may show as
+    an oval, and of which radii. `robust` leaves suspect points (chips, scratches) out and says how many.
     """
     angle, deviation = checked(angle_deg, deviation_um)
     out = suspects(angle, deviation) if robust else np.zeros(angle.shape, dtype=bool)
@@ -145,7 +151,7 @@ def evaluate(
         circles=tuple(_from_axis(circle, centred) for circle in circles),
         recentred=centred.recentred,
         left_out=int(out.sum()),
-        warnings=_sampling(out.size, filter_upr),
+        warnings=(*_sampling(out.size, filter_upr), *_off_axis(centred, radius_mm)),
     )
 
 
@@ -164,8 +170,7 @@ def _centred(
     theta = np.radians(angle_deg)
     profile = deviation_um - mean_um - x_um * np.cos(theta) - y_um * np.sin(theta)
     centred = _Centred(angle_deg=angle_deg, profile_um=profile, out=~kept, mean_um=mean_um, x_um=x_um, y_um=y_um)
-    # The limacon of an eccentricity e has a second harmonic of e^2 / (2 R), peak to peak.
-    if radius_mm is None or x_um**2 + y_um**2 <= 2000 * radius_mm * _MOST_OVALITY_UM:
+    if radius_mm is None or seen_oval_um_pp(math.hypot(x_um, y_um), radius_mm) <= _MOST_OVALITY_UM:
         return centred
     if math.hypot(x_um, y_um) > 1000 * _MOST_ECCENTRIC * radius_mm:
         value, limit = f"{math.hypot(x_um, y_um):.0f} um", f"<= {1000 * _MOST_ECCENTRIC * radius_mm:.0f} um"
@@ -218,6 +223,21 @@ def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
         centre_y_um=circle.centre_y_um + centred.y_um,
         deviation_um=circle.deviation_um + centred.mean_um,
     )
+
+
+def seen_oval_um_pp(eccentricity_um: float, radius_mm: float) -> float:
+    """Return the ovality that a circle of a radius shows about an axis so far off its centre: e^2 / (2 R)."""
+    return eccentricity_um**2 / (2000.0 * radius_mm)
+
+
+def _off_axis(centred: _Centred, radius_mm: float | None) -> tuple[Problem, ...]:
+    """Tell of a part of unknown radius that may look oval only because of where it sits."""
+    eccentricity_um = math.hypot(centred.x_um, centred.y_um)
+    if radius_mm is not None or seen_oval_um_pp(eccentricity_um, SMALLEST_MM) <= _MOST_OVALITY_UM:
+        return ()
+    needed_mm = seen_oval_um_pp(eccentricity_um, 1.0) / _MOST_OVALITY_UM
+    value, limit = f"{eccentricity_um:.3g} um", f"{needed_mm:.3g} mm"
+    return (Problem(code=OFF_AXIS, key="radius_mm", value=value, limit=limit),)
 
 
 def _sampling(points: int, filter_upr: float | None) -> tuple[Problem, ...]:

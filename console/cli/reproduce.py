@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 from console.cli.output import print_json
-from console.cli.reproduce_lines import ACCEPTANCE, fields, head, lines, rows, title
+from console.cli.reproduce_lines import ACCEPTANCE, counted, fields, head, lines, rows, title
 from console.session.reproduction.numbers import NUMBERS
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -78,5 +78,6 @@ def _report(found: Sequence[Section], held: dict[int, bool], text: Catalogue, dr
         for figure in section.figures if draw else ():
             told += ["", title(figure, text), *(draw(figure) if draw else ())]
     missing = [str(number) for number in range(1, 13) if number not in held]
-    told += ["", text("reproduce.held", held=sum(held.values()), all=len(held))]
+    told += ["", counted(found, text), text("reproduce.marks")]
+    told += [text("reproduce.held", held=sum(held.values()), all=len(held))]
     return [*told, text("reproduce.left_out", numbers=", ".join(missing))] if missing else told

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
-from profiles.paper.record import Figure, Record, Relation, Section
+from profiles.paper.record import Basis, Figure, Record, Relation, Section
 
 ACCEPTANCE = "acceptance"
 YES, NO = "✓", "✗"
-_SIGNS = {Relation.NEAR: "", Relation.AT_MOST: "≤ ", Relation.ABOVE: "> "}
+BY_CONSTRUCTION = "≡"
+_SIGNS = {Relation.NEAR: "", Relation.AT_MOST: "≤ ", Relation.ABOVE: "> ", Relation.OTHER: "≠ "}
 _REASON_COLUMNS = 100
 _EXACT = 1e-6
 """A tolerance up to this is only for rounding, and not told."""
@@ -76,7 +77,7 @@ def _reason(record: Record, text: Catalogue) -> str:
 
 
 def _row(record: Record, text: Catalogue) -> Row:
-    off, holds = record.difference, record.holds
+    off = record.difference
     unit = f" {record.unit}" if record.unit else ""
     expected = "–" if record.expected is None else f"{_SIGNS[record.relation]}{record.expected:.4g}{unit}"
     return (
@@ -84,7 +85,29 @@ def _row(record: Record, text: Catalogue) -> Row:
         expected,
         f"{record.ours:z.4g}{unit}",
         "" if off is None else _off(off, record.tolerance),
-        "" if holds is None else YES if holds else NO,
+        mark(record),
+    )
+
+
+def mark(record: Record) -> str:
+    """Return how a comparison came out; one that was fitted stands in brackets."""
+    if record.holds is None:
+        return ""
+    if not record.holds:
+        return f"({NO})" if record.basis is Basis.FITTED else NO
+    return {Basis.COMPUTED: YES, Basis.FITTED: f"({YES})", Basis.CONSTRUCTION: BY_CONSTRUCTION}[record.basis]
+
+
+def counted(sections: Sequence[Section], text: Catalogue) -> str:
+    """Return how many comparisons with the paper hold, those that tell nothing of it counted apart."""
+    judged = [r for s in sections if s.name != ACCEPTANCE for r in s.records if r.holds is not None]
+    own = [record.holds for record in judged if record.basis is Basis.COMPUTED]
+    return text(
+        "reproduce.compared",
+        held=sum(each is True for each in own),
+        all=len(own),
+        construction=sum(record.basis is Basis.CONSTRUCTION for record in judged),
+        fitted=sum(record.basis is Basis.FITTED for record in judged),
     )
 
 
@@ -105,6 +128,7 @@ def _record(record: Record, text: Catalogue) -> dict[str, object]:
         "unit": record.unit,
         "difference": record.difference,
         "holds": record.holds,
+        "basis": record.basis.value,
         "why": _reason(record, text) if record.why else None,
     }
 

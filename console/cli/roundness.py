@@ -15,12 +15,13 @@ from console.cli.v_block import read_v_block, v_block_fields, v_block_lines
 from console.cli.warn import tell
 from console.text.catalogue import Catalogue
 from profiles.files import printable
+from profiles.job import Job
 from profiles.metrology.circles import ReferenceCircle
 from profiles.metrology.harmonics import Harmonic
 from profiles.metrology.size import mean_diameter_mm, tool_offset_um
 from profiles.metrology.turns import Turns, several_turns
 from profiles.problem import Problem, ProfileError
-from profiles.roundness import RoundnessResult, evaluate
+from profiles.roundness import OFF_AXIS, RoundnessResult, evaluate
 from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace, read_trace
 
@@ -76,8 +77,8 @@ def _measured(options: Namespace) -> Measured:
     header, warnings = header_of(trace.meta)
     _refuse_method(header, options, where)
     with _naming(where):
-        turns, result = _evaluated(trace, header, options)
-    warnings = (*warnings, *result.warnings)
+        turns, result = _evaluated(trace, header, job, options)
+    warnings = (*warnings, *(each for each in result.warnings if each.code != OFF_AXIS or options.vblock is None))
     size_mm = offset_um = None
     if header.radius_mm is not None and header.size != "relative":
         size_mm = mean_diameter_mm(header.radius_mm, result.mean_deviation_um)
@@ -105,7 +106,9 @@ def _naming(where: str) -> Iterator[None]:
         raise ProfileError(*(replace(problem, where=where) for problem in error.problems)) from error
 
 
-def _evaluated(trace: Trace, header: TraceHeader, options: Namespace) -> tuple[Turns | None, RoundnessResult]:
+def _evaluated(
+    trace: Trace, header: TraceHeader, job: Job | None, options: Namespace
+) -> tuple[Turns | None, RoundnessResult]:
     above_upr, filter_upr = options.band or (None, options.filter)
     angle_deg, deviation_um, turns = trace.angle_deg, trace.deviation_um, None
     if header.turns > 1:
@@ -116,11 +119,18 @@ def _evaluated(trace: Trace, header: TraceHeader, options: Namespace) -> tuple[T
         deviation_um,
         filter_upr,
         state=header.state,
-        radius_mm=header.radius_mm if options.vblock is None else None,
+        radius_mm=_radius_mm(header, job) if options.vblock is None else None,
         above_upr=above_upr,
         robust=options.robust,
     )
     return turns, result
+
+
+def _radius_mm(header: TraceHeader, job: Job | None) -> float | None:
+    """Return the radius of the part: what its trace states, else that of its job."""
+    if header.radius_mm is not None or job is None:
+        return header.radius_mm
+    return job.radius_mm - job.depth_of_cut_mm
 
 
 def _refuse_method(header: TraceHeader, options: Namespace, where: str) -> None:

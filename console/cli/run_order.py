@@ -35,7 +35,7 @@ class RunOrder:
     """`address` is None for a simulated machine in this process, in the time that computing it takes.
 
     `true` is what that one is really like, None as its profile says. `parts` are so many in a row that learn.
-    `part_file` is where the trace of the part is written. `warnings` are told before anything moves; they say, too,
+    `part_file` is where the trace of the part is written. `warnings` are told before anything moves, among them
     what was learned that this cut does without.
     """
 

@@ -35,7 +35,7 @@ def contradictions(kept: Calibration, stated: Mapping[str, float | None], file: 
 
 def _fit(kept: Calibration, kind: type[Fit]) -> Fit:
     """Return the fit that was kept, by the names of its numbers."""
-    return record(kind, {field.name: kept.found[field.name] for field in fields(kind)})
+    return record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
 
 
 def _line_differs(line: WrenchFit, stated: Mapping[str, float | None], date: str) -> Iterator[Problem]:

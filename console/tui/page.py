@@ -22,7 +22,7 @@ class Page(Container):
         self.desk = desk
 
     def fit(self) -> None:
-        """Take the layout that suits the height. Asked at each tick: an event may be missed while it is mounted."""
+        """Take the layout that suits the height: at each tick, for an event may be missed while it is mounted."""
 
     def show(self, view: View) -> None:
         """Show the newest state. Called only while the page is the one that is seen."""

@@ -2,15 +2,18 @@
 
 Fitted to M deflections are k of one jaw at 1000 N, alpha of k ~ force^alpha, and the length l of the jaws, with
 the model of `profiles.calibration.contact` (contacts and the bending of a solid bar). Least squares in (ln k,
-alpha, ln l); with the Jacobian J and s^2 the variance of what is left, cov = s^2 (J' J)^-1. Half-widths are for
+alpha, ln l); with the Jacobian J and s^2 the variance of what is left, cov = s^2 (J' W J)^-1. Half-widths are for
 95 %, by Student's t; of k and l they are taken over from their logarithms to the first order.
+
+A gauge is off by the same everywhere, a load or a contact by a share of the deflection. W is 1 or by the square of
+the deflection, whichever is likelier; where they are about as likely, the half-widths hold what either says.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +34,9 @@ LEAST_ALPHA, MOST_ALPHA = 0.02, 0.9
 
 _WORST_CONDITION = 100.0
 """Above this ratio of singular values (of columns of length 1) the parameters can be traded for each other."""
+
+_AS_LIKELY = 2.0
+"""Loss of log-likelihood up to which the other kind of scatter is about as likely."""
 
 _STARTS_MM = (10.0, 20.0, 40.0, 80.0, 160.0)
 _START_ALPHA = 0.4
@@ -116,15 +122,20 @@ def fit_deflection(
     mean_n = float(np.exp(np.log(columns["chucking_force_n"] / jaws).mean()))
     model = _Model(columns, jaws, youngs_gpa, mean_n)  # there k and alpha are least entangled
     start = _start(model, measured, (jaw_length_mm,) if jaw_length_mm is not None else _STARTS_MM)
-    at, jacobian = _solved(model, measured, start, free)
+    same = _solved(model, measured, start, free, np.ones_like(measured))
+    sizes = model.at(same.at)
+    try:
+        grown = _solved(model, measured, same.at, free, float(np.exp(np.log(sizes).mean())) / sizes)
+    except ProfileError:  # what only one kind of scatter makes of it is no reason to refuse the other
+        grown = same
+    best, other = sorted((same, grown), key=lambda each: each.log_likelihood, reverse=True)
     freedom = measured.size - free
-    left = measured - model.at(at)
-    sd = math.sqrt(float(left @ left) / freedom)
-    covariance = np.zeros((3, 3))
-    covariance[:free, :free] = sd**2 * np.linalg.inv(jacobian.T @ jacobian)
     to_reference = np.eye(3)
     to_reference[0, 1] = math.log(REFERENCE_FORCE_N / mean_n)
-    at, covariance = to_reference @ at, to_reference @ covariance @ to_reference.T
+    best, other = best.turned(to_reference), other.turned(to_reference)
+    at, covariance, sd = best.at, best.covariance, best.sd_um
+    if other.log_likelihood > best.log_likelihood - _AS_LIKELY:
+        covariance = covariance * best.widened(other, student(freedom)) ** 2
     half = student(freedom) * np.sqrt(np.diag(covariance))
     exact = sd <= ROUNDING * float(measured.max())
     return DeflectionFit(
@@ -140,8 +151,34 @@ def fit_deflection(
         sd_um=sd,
         points=measured.size,
         freedom=freedom,
-        outliers=() if exact else outliers(jacobian, left),
+        outliers=() if exact else outliers(best.jacobian, best.left),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Solution:
+    """Parameters (ln k, alpha, ln l) with their covariance; `jacobian` and `left` are weighted.
+
+    `sd_um` is the scatter where the weight is 1.
+    """
+
+    at: Floats
+    covariance: Floats
+    sd_um: float
+    jacobian: Floats
+    left: Floats
+    log_likelihood: float
+
+    def turned(self, by: Floats) -> _Solution:
+        """Return it in other parameters, `by` (3, 3) times these."""
+        return replace(self, at=by @ self.at, covariance=by @ self.covariance @ by.T)
+
+    def widened(self, other: _Solution, reach: float) -> float:
+        """Return by what the half-widths grow that are to hold those of another solution."""
+        own, its = (reach * np.sqrt(np.diag(each.covariance)) for each in (self, other))
+        fitted = own > 0.0
+        apart = np.abs(self.at - other.at) + its
+        return float(np.max(apart[fitted] / own[fitted], initial=1.0))
 
 
 class _Model:
@@ -202,12 +239,12 @@ def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Fl
     return min(found, key=lambda pair: pair[0])[1]
 
 
-def _solved(model: _Model, measured: Floats, start: Floats, free: int) -> tuple[Floats, Floats]:
-    """Return the parameters, shape (3,), and the Jacobian of the free ones, shape (M, free)."""
+def _solved(model: _Model, measured: Floats, start: Floats, free: int, root_weight: Floats) -> _Solution:
+    """Return the weighted least squares of the free parameters; `root_weight` has shape (M,)."""
     from scipy.optimize import least_squares
 
     def left(parameters: Floats) -> Floats:
-        return model.at(np.concatenate([parameters, start[free:]])) - measured
+        return root_weight * (model.at(np.concatenate([parameters, start[free:]])) - measured)
 
     low, high = [-20.0, LEAST_ALPHA, -5.0][:free], [20.0, MOST_ALPHA, 10.0][:free]
     done = least_squares(
@@ -220,7 +257,18 @@ def _solved(model: _Model, measured: Floats, start: Floats, free: int) -> tuple[
     if not LEAST_ALPHA + _STEP < done.x[1] < MOST_ALPHA - _STEP:
         value, limit = f"{done.x[1]:.3g}", f"> {LEAST_ALPHA:g}, < {MOST_ALPHA:g}"
         raise ProfileError(Problem(code="calibration.no_alpha", key="alpha", value=value, limit=limit))
-    return np.concatenate([done.x, start[free:]]), jacobian
+    variance = float(done.fun @ done.fun) / (measured.size - free)
+    covariance = np.zeros((3, 3))
+    covariance[:free, :free] = variance * np.linalg.inv(jacobian.T @ jacobian)
+    scatter = measured.size * math.log(variance) if variance > 0.0 else -math.inf
+    return _Solution(
+        at=np.concatenate([done.x, start[free:]]),
+        covariance=covariance,
+        sd_um=math.sqrt(variance),
+        jacobian=jacobian,
+        left=-np.asarray(done.fun, dtype=np.float64),
+        log_likelihood=float(np.log(root_weight).sum()) - 0.5 * scatter,
+    )
 
 
 def _refuse_dependent(jacobian: Floats) -> None:

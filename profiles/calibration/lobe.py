@@ -7,7 +7,7 @@ A trace that says how its part was cut must say: without compensation. One of a 
 only, and the source of the job says so.
 
 Problem codes: `lobe.phase_unknown`, `lobe.not_significant`, `lobe.not_free`, `lobe.method`, `lobe.compensated`,
-`lobe.simulated`; as a warning also `lobe.filtered`, `lobe.undeclared`, `lobe.biased`.
+`lobe.simulated`; as a warning also `lobe.filtered`, `lobe.undeclared`, `lobe.off_axis`, `lobe.biased`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from profiles.lobe_conditions import CONDITIONS
 from profiles.lobe_fit import LobeFit, fit_lobe
 from profiles.metrology.filters import gaussian_transmission
 from profiles.problem import Problem
+from profiles.roundness import seen_oval_um_pp
 from profiles.trace_files.header import TraceHeader, header_of
 from profiles.traces import Trace
 
@@ -31,6 +32,9 @@ INDEX = "spindle index"
 
 MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
+OVAL = 2
+"""Waves a turn that a circle shows which sits off the axis: those of a chuck with two jaws, too."""
+
 UNDECLARED = 3.0
 """Times the noise floor above which a wave that was not fitted is told."""
 
@@ -78,7 +82,7 @@ def find_lobe(
         simulated=simulated,
         phase_assumed=crest_deg is not None and not from_index and not _jaw_known(job),
         reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, crest_deg)),
-        warnings=(*unusable, *_warnings(fit, header)),
+        warnings=(*unusable, *_warnings(fit, header, job)),
     )
 
 
@@ -164,7 +168,7 @@ def _reasons(fit: LobeFit, header: TraceHeader, crest_deg: float | None) -> Iter
         yield Problem(code="lobe.phase_unknown", limit="direction, jaw_1_deg")
 
 
-def _warnings(fit: LobeFit, header: TraceHeader) -> Iterable[Problem]:
+def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:
     if header.filter_upr is not None:
         lost = 1.0 - float(gaussian_transmission(fit.jaws, header.filter_upr))
         if lost > MOST_FILTERED:
@@ -173,5 +177,9 @@ def _warnings(fit: LobeFit, header: TraceHeader) -> Iterable[Problem]:
     if fit.left_um > UNDECLARED * fit.floor_um:
         value, limit = f"{fit.left_um:.3g} um", f"{fit.floor_um:.3g} um"
         yield Problem(code="lobe.undeclared", key=str(fit.left_n), value=value, limit=limit)
+    oval_um = seen_oval_um_pp(fit.wave(1).amplitude_um, header.radius_mm or job.radius_mm - job.depth_of_cut_mm)
+    if fit.jaws == OVAL and oval_um > MOST_BIAS * fit.error_um_pp:
+        value, limit = f"{fit.wave(1).amplitude_um:.3g} um", f"{oval_um:.3g} um"
+        yield Problem(code="lobe.off_axis", value=value, limit=limit)
     if fit.lobe.significant and fit.lobe.bias_um > MOST_BIAS * fit.lobe.amplitude_um:
         yield Problem(code="lobe.biased", value=f"{fit.lobe.bias_um:.3g} um", limit=f"{100 * MOST_BIAS:g} %")

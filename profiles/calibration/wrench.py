@@ -1,13 +1,19 @@
 """The chucking force by the torque of the wrench, from a wrench and a load cell (Lee & Lee 2001, section 2).
 
 Of a scroll chuck F = 2 pi eta i Tq / p: a line through the origin, F = c Tq. With a preload or a friction that
-must be overcome first it is F = a + c Tq. Least squares of M clampings, with s^2 the variance of what is left:
+must be overcome first it is F = a + c Tq. A gauge scatters by so many newtons, friction by so many percent of the
+force; so one clamping has the variance
 
-    the line           F +- t s sqrt(x' (X' X)^-1 x),        x = (Tq) or (1, Tq)
-    a new clamping     F +- t s sqrt(1 + x' (X' X)^-1 x)
+    s^2 v,    v = 1 - w + w (Tq / middle)^2,    w from 0 (the same everywhere) to 1 (in proportion to the torque)
+
+and w is that of the greatest restricted likelihood. Weighted least squares of M clampings, W = diag(1 / v):
+
+    the line           F +- t s sqrt(x' (X' W X)^-1 x),        x = (Tq) or (1, Tq)
+    a new clamping     F +- t s sqrt(v + x' (X' W X)^-1 x)
     the torque for F   the two Tq at which F leaves that band (E. C. Fieller)
 
-Half-widths are for 95 %, by Student's t. The scatter is taken to be the same at every torque. A lack of fit is
+Half-widths are for 95 %, by Student's t. A dozen clampings do not tell w well: each limit is the widest of those
+that come out with the likeliest w and with the least and the greatest that are about as likely. A lack of fit is
 found from repeated torques (what they scatter against what the line misses), or else against a parabola. An
 outlier is a clamping whose residual, studentised by the others, chance would give in one of twenty such tables.
 """
@@ -30,6 +36,10 @@ LEAST_SPARE = 3
 LEAST_SPREAD = 1.5
 """Largest torque over smallest, at least: a line needs a length."""
 
+_GROWING = np.linspace(0.0, 1.0, 21)
+_AS_LIKELY = 0.7
+"""Loss of log-likelihood up to which another share of the scatter that grows is about as likely."""
+
 Floats = NDArray[np.float64]
 
 
@@ -46,7 +56,10 @@ class Band:
 class WrenchFit:
     """F = intercept + slope Tq, N and N m. `intercept_n` and its half-width are 0 for a line through the origin.
 
-    `covariance` is (X' X)^-1 of (1, Tq), `sd_n` the scatter of one clamping, `freedom` its degrees of freedom.
+    `covariance` is (X' W X)^-1 of (1, Tq), `sd_n` the scatter of one clamping in the middle of what was measured,
+    `freedom` its degrees of freedom, `growing` the share w of its variance that grows with the torque. `as_likely`
+    are the lines of other shares that the measurements do not rule out, each as (w, intercept, slope, sd,
+    covariance): every limit is the widest of all.
     `lack_of_fit_chance` is how often chance alone misses a true line by so much; None where that cannot be told.
     `outliers` are places in the measurements. It holds from `lowest_n_m` to `highest_n_m`.
     """
@@ -63,6 +76,8 @@ class WrenchFit:
     highest_n_m: float
     lack_of_fit_chance: float | None
     outliers: tuple[int, ...]
+    growing: float = 0.0
+    as_likely: tuple[tuple[float, float, float, float, float, float, float], ...] = ()
 
     @property
     def misses(self) -> bool:
@@ -77,13 +92,12 @@ class WrenchFit:
     @property
     def force_sd_percent(self) -> float:
         """The scatter of one clamping as a share of the force in the middle of what was measured, %."""
-        return 100.0 * self.sd_n / self.line_n(self.middle_n_m).value
+        return 100.0 * self.sd_n / self._best.at(self.middle_n_m)
 
     def line_n(self, torque_n_m: float) -> Band:
         """Return the mean force of many clampings at a torque: what is sure of the line itself."""
-        reach = student(self.freedom) * self.sd_n * math.sqrt(self._leverage(torque_n_m))
-        value = self.intercept_n + self.slope_n_per_n_m * torque_n_m
-        return Band(value=value, low=value - reach, high=value + reach)
+        reaches = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom)) for line in self._lines]
+        return _widest(self._best.at(torque_n_m), reaches)
 
     def force_n(self, torque_n_m: float) -> Band:
         """Return the total chucking force of one clamping at a torque.
@@ -92,9 +106,8 @@ class WrenchFit:
             ProfileError: `calibration.outside`, a torque at which nothing was measured.
         """
         self._refuse_outside(torque_n_m, "torque_n_m")
-        reach = student(self.freedom) * self.sd_n * math.sqrt(1 + self._leverage(torque_n_m))
-        value = self.line_n(torque_n_m).value
-        return Band(value=value, low=value - reach, high=value + reach)
+        reaches = [(line.at(torque_n_m), line.reach_n(torque_n_m, self.freedom, one=True)) for line in self._lines]
+        return _widest(self._best.at(torque_n_m), reaches)
 
     def torque_n_m(self, force_n: float) -> Band:
         """Return the torque for a total chucking force, and between which torques that force may have come from.
@@ -102,28 +115,86 @@ class WrenchFit:
         Raises:
             ProfileError: `calibration.outside`; `calibration.no_slope`, the scatter leaves no limits.
         """
-        above_n = force_n - self.intercept_n
-        value = above_n / self.slope_n_per_n_m
+        value = (force_n - self.intercept_n) / self.slope_n_per_n_m
         self._refuse_outside(value, "force_n")
-        u00, u01, u11 = self.covariance
-        reach = (student(self.freedom) * self.sd_n) ** 2
-        square = self.slope_n_per_n_m**2 - reach * u11
-        linear = self.slope_n_per_n_m * above_n + reach * u01
-        constant = above_n**2 - reach * (1 + u00)
-        if square <= 0:
+        found = [line.torques_n_m(force_n, self.freedom) for line in self._lines]
+        limits = [each for each in found if each is not None]
+        if len(limits) < len(found):
             raise ProfileError(_no_slope(self.slope_n_per_n_m, self.slope_ci))
-        root = math.sqrt(max(linear**2 - square * constant, 0.0))
-        return Band(value=value, low=(linear - root) / square, high=(linear + root) / square)
+        return Band(value=value, low=min(low for low, _ in limits), high=max(high for _, high in limits))
 
-    def _leverage(self, torque_n_m: float) -> float:
-        u00, u01, u11 = self.covariance
-        return u00 + 2 * u01 * torque_n_m + u11 * torque_n_m**2
+    @property
+    def _best(self) -> _Line:
+        return _Line(
+            growing=self.growing,
+            intercept_n=self.intercept_n,
+            slope=self.slope_n_per_n_m,
+            sd_n=self.sd_n,
+            covariance=self.covariance,
+            middle_n_m=self.middle_n_m,
+        )
+
+    @property
+    def _lines(self) -> list[_Line]:
+        others = [
+            _Line(
+                growing=growing,
+                intercept_n=intercept_n,
+                slope=slope,
+                sd_n=sd_n,
+                covariance=(u00, u01, u11),
+                middle_n_m=self.middle_n_m,
+            )
+            for growing, intercept_n, slope, sd_n, u00, u01, u11 in self.as_likely
+        ]
+        return [self._best, *others]
 
     def _refuse_outside(self, torque_n_m: float, key: str) -> None:
         slack = ROUNDING * self.highest_n_m
         if not self.lowest_n_m - slack <= torque_n_m <= self.highest_n_m + slack:
             value, limit = f"{torque_n_m:g} N m", f"{self.lowest_n_m:g} … {self.highest_n_m:g} N m"
             raise ProfileError(Problem(code="calibration.outside", key=key, value=value, limit=limit))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Line:
+    """The line of one share w: sd^2 (1 - w + w (Tq / middle)^2) is the variance of one clamping."""
+
+    growing: float
+    intercept_n: float
+    slope: float
+    sd_n: float
+    covariance: tuple[float, float, float]
+    middle_n_m: float
+    log_likelihood: float = 0.0
+
+    def at(self, torque_n_m: float) -> float:
+        return self.intercept_n + self.slope * torque_n_m
+
+    def reach_n(self, torque_n_m: float, freedom: int, *, one: bool = False) -> float:
+        """Return the half-width of the line at a torque, or of `one` new clamping there."""
+        u00, u01, u11 = self.covariance
+        share = u00 + 2 * u01 * torque_n_m + u11 * torque_n_m**2
+        if one:
+            share += 1.0 - self.growing + self.growing * (torque_n_m / self.middle_n_m) ** 2
+        return student(freedom) * self.sd_n * math.sqrt(share)
+
+    def half(self, place: int, freedom: int) -> float:
+        """Return the half-width of the intercept (0) or of the slope (2)."""
+        return student(freedom) * self.sd_n * math.sqrt(self.covariance[place])
+
+    def torques_n_m(self, force_n: float, freedom: int) -> tuple[float, float] | None:
+        """Return the torques at which a force leaves the band of one clamping, None where it does not."""
+        above_n = force_n - self.intercept_n
+        u00, u01, u11 = self.covariance
+        reach = (student(freedom) * self.sd_n) ** 2
+        square = self.slope**2 - reach * (u11 + self.growing / self.middle_n_m**2)
+        linear = self.slope * above_n + reach * u01
+        constant = above_n**2 - reach * (1.0 - self.growing + u00)
+        if square <= 0:
+            return None
+        root = math.sqrt(max(linear**2 - square * constant, 0.0))
+        return (linear - root) / square, (linear + root) / square
 
 
 def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = False) -> WrenchFit:
@@ -136,31 +207,92 @@ def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = Fals
     torque, force = np.asarray(torque_n_m, dtype=np.float64), np.asarray(force_n, dtype=np.float64)
     _refuse_unfit(torque, force, 2 if affine else 1)
     design = np.stack([np.ones_like(torque), torque], axis=1) if affine else torque[:, None]
-    spread = np.linalg.inv(design.T @ design)
-    beta = spread @ design.T @ force
-    freedom = force.size - beta.size
-    left = force - design @ beta
-    sd = math.sqrt(float(left @ left) / freedom)
-    exact = sd <= ROUNDING * float(force.max())  # on the line to the last digit: there is nothing to judge
-    half = student(freedom) * sd * np.sqrt(np.diag(spread))
-    slope, slope_ci = float(beta[-1]), float(half[-1])
-    if slope <= slope_ci:
-        raise ProfileError(_no_slope(slope, slope_ci))
-    covariance = (spread[0, 0], spread[0, 1], spread[1, 1]) if affine else (0.0, 0.0, spread[0, 0])
+    best, *others = _likely_lines(design, torque, force)
+    freedom = force.size - design.shape[1]
+    halves = [max(_apart(each, best, place, freedom) for each in (best, *others)) for place in (0, 2)]
+    if best.slope <= halves[1]:
+        raise ProfileError(_no_slope(best.slope, halves[1]))
+    # On the line to the last digit there is nothing to judge.
+    exact = best.sd_n <= ROUNDING * float(force.max())
+    root = 1.0 / np.sqrt(_variances(torque, best.growing))
+    left = root * (force - best.intercept_n - best.slope * torque)
     return WrenchFit(
-        slope_n_per_n_m=slope,
-        slope_ci=slope_ci,
-        intercept_n=float(beta[0]) if affine else 0.0,
-        intercept_ci=float(half[0]) if affine else 0.0,
-        sd_n=sd,
+        slope_n_per_n_m=best.slope,
+        slope_ci=halves[1],
+        intercept_n=best.intercept_n,
+        intercept_ci=halves[0],
+        sd_n=best.sd_n,
         points=force.size,
         freedom=freedom,
-        covariance=(float(covariance[0]), float(covariance[1]), float(covariance[2])),
+        covariance=best.covariance,
         lowest_n_m=float(torque.min()),
         highest_n_m=float(torque.max()),
-        lack_of_fit_chance=None if exact else _lack_of_fit(torque, force, left, freedom),
-        outliers=() if exact else outliers(design, left),
+        lack_of_fit_chance=None if exact else _lack_of_fit(torque, force, root, left, freedom),
+        outliers=() if exact else outliers(root[:, None] * design, left),
+        growing=best.growing,
+        as_likely=tuple((e.growing, e.intercept_n, e.slope, e.sd_n, *e.covariance) for e in others),
     )
+
+
+def _likely_lines(design: Floats, torque: Floats, force: Floats) -> list[_Line]:
+    """Return the likeliest line, then those at both ends of the shares that are about as likely."""
+    lines = [_line(design, torque, force, float(growing)) for growing in _GROWING]
+    best = max(lines, key=lambda line: line.log_likelihood)
+    if best.sd_n <= ROUNDING * float(force.max()):
+        return [lines[0]]
+    likely = [line for line in lines if line.log_likelihood >= best.log_likelihood - _AS_LIKELY]
+    return [
+        best,
+        *(
+            line
+            for line in {likely[0].growing: likely[0], likely[-1].growing: likely[-1]}.values()
+            if line is not best
+        ),
+    ]
+
+
+def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Line:
+    """Return the weighted least squares of one share, with its restricted likelihood."""
+    variances = _variances(torque, growing)
+    normal = design.T @ (design / variances[:, None])
+    spread = np.linalg.inv(normal)
+    beta = spread @ design.T @ (force / variances)
+    left = force - design @ beta
+    freedom = force.size - beta.size
+    variance = float(np.sum(left**2 / variances)) / freedom
+    affine = beta.size > 1
+    own = (spread[0, 0], spread[0, 1], spread[1, 1]) if affine else (0.0, 0.0, spread[0, 0])
+    scatter = freedom * math.log(variance) if variance > 0.0 else -math.inf
+    return _Line(
+        growing=growing,
+        intercept_n=float(beta[0]) if affine else 0.0,
+        slope=float(beta[-1]),
+        sd_n=math.sqrt(variance),
+        covariance=(float(own[0]), float(own[1]), float(own[2])),
+        middle_n_m=_middle(torque),
+        log_likelihood=-0.5 * (scatter + float(np.log(variances).sum() + np.linalg.slogdet(normal)[1])),
+    )
+
+
+def _variances(torque: Floats, growing: float) -> Floats:
+    """Return the variances of single clampings over that in the middle; shape (M,)."""
+    return np.asarray(1.0 - growing + growing * (torque / _middle(torque)) ** 2, dtype=np.float64)
+
+
+def _middle(torque: Floats) -> float:
+    return 0.5 * (float(torque.min()) + float(torque.max()))
+
+
+def _apart(line: _Line, best: _Line, place: int, freedom: int) -> float:
+    """Return how far the intercept (0) or the slope (2) of a line may be from that of the best one."""
+    shift = line.slope - best.slope if place else line.intercept_n - best.intercept_n
+    return abs(shift) + line.half(place, freedom)
+
+
+def _widest(value: float, found: list[tuple[float, float]]) -> Band:
+    """Return a value with the widest limits of middles and their half-widths."""
+    low, high = min(at - reach for at, reach in found), max(at + reach for at, reach in found)
+    return Band(value=value, low=low, high=high)
 
 
 def _refuse_unfit(torque: Floats, force: Floats, parameters: int) -> None:
@@ -183,22 +315,22 @@ def _no_slope(slope: float, ci: float) -> Problem:
     return Problem(code="calibration.no_slope", key="slope_n_per_n_m", value=value, limit="> 0 N/(N m)")
 
 
-def _lack_of_fit(torque: Floats, force: Floats, left: Floats, freedom: int) -> float | None:
-    """Return how often chance gives such a lack of fit: against repeated torques, else against a parabola."""
+def _lack_of_fit(torque: Floats, force: Floats, root: Floats, left: Floats, freedom: int) -> float | None:
+    """Return how often chance gives such a lack of fit: against repeated torques, else against a parabola.
+
+    `root` are the roots of the weights, `left` what the line leaves of each force, by its root.
+    """
     missed = float(left @ left)
     levels, member = np.unique(torque, return_inverse=True)
     pure_freedom = force.size - levels.size
     if pure_freedom == 0:
-        parabola = np.stack([np.ones_like(torque), torque, torque**2], axis=1) / [
-            1.0,
-            torque.max(),
-            torque.max() ** 2,
-        ]
-        beta = np.linalg.lstsq(parabola, force, rcond=None)[0]
-        pure, pure_freedom = float(np.sum((force - parabola @ beta) ** 2)), force.size - 3
+        bent = torque / torque.max()
+        parabola = root[:, None] * np.stack([np.ones_like(bent), bent, bent**2], axis=1)
+        beta = np.linalg.lstsq(parabola, root * force, rcond=None)[0]
+        pure, pure_freedom = float(np.sum((root * force - parabola @ beta) ** 2)), force.size - 3
     else:
         means = np.bincount(member, weights=force) / np.bincount(member)
-        pure = float(np.sum((force - means[member]) ** 2))
+        pure = float(np.sum((root * (force - means[member])) ** 2))
     added = freedom - pure_freedom
     if added < 1 or pure_freedom < 1:
         return None

@@ -15,14 +15,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.metrology.exchange import exchanged
-from profiles.metrology.points import FloatArray, checked
+from profiles.metrology.points import LARGEST_GAP_DEG, FloatArray, checked, largest_gap_deg, narrow
 from profiles.metrology.sliding import settled
+from profiles.problem import ProfileError
 
 LEAST_SQUARES = "LSC"
 MINIMUM_ZONE = "MZC"
 MINIMUM_CIRCUMSCRIBED = "MCC"
 MAXIMUM_INSCRIBED = "MIC"
 CIRCLES = (LEAST_SQUARES, MINIMUM_ZONE, MINIMUM_CIRCUMSCRIBED, MAXIMUM_INSCRIBED)
+
+WIDEST_SEEN_DEG = 90.0
+"""A quarter: below it, none of four is empty of points, and a zone has where to begin."""
 
 # Share of the peak to peak deviation by which a point may be outside: far below 1e-9 um of any real part.
 _OUTSIDE = 1e-13
@@ -70,7 +74,20 @@ def limacon_circle(kind: str, angle_deg: ArrayLike, deviation_um: ArrayLike) -> 
     Raises:
         ProfileError: as `profiles.metrology.points.checked`.
     """
-    angle, deviation = checked(angle_deg, deviation_um)
+    return seen_circle(kind, *checked(angle_deg, deviation_um))
+
+
+def seen_circle(kind: str, angle: FloatArray, deviation: FloatArray) -> ReferenceCircle:
+    """Return `limacon_circle` of points that are measured all round, as they are seen from another place.
+
+    From there a gap may be wider than from the axis of measurement: that is the place, not the data.
+
+    Raises:
+        ProfileError: `trace.narrow_angles`, it is so wide that the place is no centre of any circle of them.
+    """
+    gap_deg = largest_gap_deg(angle)
+    if gap_deg >= WIDEST_SEEN_DEG:
+        raise ProfileError(narrow(gap_deg, WIDEST_SEEN_DEG))
     direction = _direction(angle)
     cosine, sine = direction
     mean_um, x_um, y_um = _least_squares(direction, deviation)
@@ -137,7 +154,11 @@ def _extreme(
         basis = _crossing(direction, left_um) + np.array([0, size, 0, size])
     else:
         sign = 1.0 if kind == MINIMUM_CIRCUMSCRIBED else -1.0
-        columns, gains, basis = np.vstack((np.ones(size), direction)), sign * gains, _nearest(direction, 3)
+        columns, gains, basis = (
+            np.vstack((np.ones(size), direction)),
+            sign * gains,
+            _enclosing(angle_deg, direction),
+        )
     rhs = np.zeros(columns.shape[0])
     rhs[:sides] = 1.0
 
@@ -169,6 +190,19 @@ def _crossing(direction: FloatArray, left_um: FloatArray) -> NDArray[np.intp]:
     heights = (left_um, -left_um, left_um, -left_um)
     found = [np.where(quarter, high, -np.inf).argmax() for quarter, high in zip(quarters, heights, strict=True)]
     return np.array(found, dtype=np.intp)
+
+
+def _enclosing(angle_deg: FloatArray, direction: FloatArray) -> NDArray[np.intp]:
+    """Return three points round the place that the angles are seen from.
+
+    Those that divide the turn best stand all round where no gap is above `LARGEST_GAP_DEG`; else the first point
+    does, with its two neighbours across.
+    """
+    if largest_gap_deg(angle_deg) <= LARGEST_GAP_DEG:
+        return _nearest(direction, 3)
+    ahead = np.mod(angle_deg - angle_deg[0], 360.0)
+    across = np.where(ahead <= 180.0, ahead, -np.inf).argmax(), np.where(ahead > 180.0, ahead, np.inf).argmin()
+    return np.array([0, *across], dtype=np.intp)
 
 
 def _nearest(direction: FloatArray, parts: int) -> NDArray[np.intp]:

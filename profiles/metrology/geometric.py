@@ -15,6 +15,7 @@ the largest are equal, and the one with the least RONt is taken; of two that mir
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -28,9 +29,11 @@ from profiles.metrology.circles import (
     Contact,
     ReferenceCircle,
     limacon_circle,
+    seen_circle,
 )
 from profiles.metrology.enclosing import smallest_enclosing
 from profiles.metrology.points import FloatArray, checked
+from profiles.problem import ProfileError
 
 _MOST_STEPS = 50
 _MOST_HALVINGS = 20
@@ -54,6 +57,7 @@ def geometric_circle(
     """
     x, y = np.asarray(x_um, dtype=np.float64), np.asarray(y_um, dtype=np.float64)
     first = (float(x.mean()), float(y.mean())) if start is None else start
+    checked(*polar(x, y, first))
     if kind == MINIMUM_CIRCUMSCRIBED:
         return _circumscribed(x, y)
     if kind != MAXIMUM_INSCRIBED:
@@ -81,7 +85,7 @@ def circles_about_axis(
 
 def _circumscribed(x: FloatArray, y: FloatArray) -> ReferenceCircle:
     centre, touching = smallest_enclosing(x, y)
-    angle, distance = checked(*polar(x, y, centre))
+    angle, distance = polar(x, y, centre)
     radius_um, lowest_um = float(distance.max()), float(distance.min())
     found = [Contact(index=i, angle_deg=float(angle[i]), outer=True) for i in touching]
     return ReferenceCircle(
@@ -104,13 +108,19 @@ def _inscribed(x: FloatArray, y: FloatArray, middle: ReferenceCircle) -> Referen
     around = np.radians(angle[np.argmin(distance)] + np.arange(_STARTS) * (360.0 / _STARTS))
     ring = zip(np.cos(around).tolist(), np.sin(around).tolist(), strict=True)
     starts = [centre, *((centre[0] + middle.ront_um * c, centre[1] + middle.ront_um * s) for c, s in ring)]
-    found = [_descended(MAXIMUM_INSCRIBED, x, y, each) for each in starts]
+    found: list[ReferenceCircle] = []
+    for each in starts:
+        # A place near the edge of the part, or beside it, sees gaps that the data do not have: none to begin from.
+        with suppress(ProfileError):
+            found.append(_descended(MAXIMUM_INSCRIBED, x, y, each))
+    if not found:
+        return _descended(MAXIMUM_INSCRIBED, x, y, centre)  # says why
     largest_um = max(circle.deviation_um for circle in found)
     return min((c for c in found if c.deviation_um >= largest_um - SAME_UM), key=lambda circle: circle.ront_um)
 
 
 def _descended(kind: str, x: FloatArray, y: FloatArray, start: tuple[float, float]) -> ReferenceCircle:
-    circle = _moved(limacon_circle(kind, *polar(x, y, start)), start)
+    circle = _moved(seen_circle(kind, *polar(x, y, start)), start)
     centre, reached = start, math.inf
     for _ in range(_MOST_STEPS):
         step = (circle.centre_x_um - centre[0], circle.centre_y_um - centre[1])
@@ -123,7 +133,7 @@ def _descended(kind: str, x: FloatArray, y: FloatArray, start: tuple[float, floa
         if value >= reached:
             break
         reached, centre = value, place
-        circle = _moved(limacon_circle(kind, *polar(x, y, centre)), centre)
+        circle = _moved(seen_circle(kind, *polar(x, y, centre)), centre)
     return circle
 
 

@@ -42,9 +42,14 @@ def checked(angle_deg: ArrayLike, deviation_um: ArrayLike) -> tuple[FloatArray, 
             raise ProfileError(Problem(code="trace.not_finite", key=key, value=value))
     gap_deg = largest_gap_deg(angle)
     if gap_deg > LARGEST_GAP_DEG + _GAP_TOLERANCE_DEG:
-        value, limit = f"{gap_deg:g} deg", f"<= {LARGEST_GAP_DEG:g} deg"
-        raise ProfileError(Problem(code="trace.narrow_angles", key="angle_deg", value=value, limit=limit))
+        raise ProfileError(narrow(gap_deg, LARGEST_GAP_DEG))
     return angle, deviation
+
+
+def narrow(gap_deg: float, most_deg: float) -> Problem:
+    """Return the refusal of angles that leave such a gap."""
+    value, limit = f"{gap_deg:g} deg", f"<= {most_deg:g} deg"
+    return Problem(code="trace.narrow_angles", key="angle_deg", value=value, limit=limit)
 
 
 def equally_spaced(angle_deg: ArrayLike) -> bool:

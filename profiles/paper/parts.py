@@ -9,7 +9,7 @@ import numpy as np
 from profiles.compensation import compensated_depth_um, removed_depth_um, spindle_speed_rpm
 from profiles.paper.experiments import COMPENSATED_UM, CONCLUDED_UM, Experiments
 from profiles.paper.prog_1 import SINE, Ramps, fundamental_share, stroke_share, zigzag
-from profiles.paper.record import Curve, Figure, Record, Section
+from profiles.paper.record import Basis, Curve, Figure, Record, Section
 from profiles.paper.residual import Servo, ideal_servo, left_by_compliance_um_pp, left_um, left_um_pp
 from profiles.paper.table_5 import measured_response
 from profiles.roundness import evaluate
@@ -55,11 +55,25 @@ def _path(paper: Experiments) -> tuple[Record, ...]:
     job, machine = paper.jobs[0], paper.machine
     deepest = compensated_depth_um(_TURN_DEG, a0_um=100.0, a1_um=27.5)
     return (
-        Record(name="eq4.speed", ours=spindle_speed_rpm(50.0, 3), unit="rpm", expected=1000.0),
-        Record(name="eq7.amplitude", at="1", ours=job.lobe_amplitude_um, unit="um", expected=27.5),
-        Record(name="eq7.amplitude", at="2", ours=paper.jobs[1].lobe_amplitude_um, unit="um", expected=16.5),
-        Record(name="eq11.deepest", ours=float(deepest.max()), unit="um", expected=127.5, tolerance=1e-9),
-        Record(name="prog1.counts", ours=job.lobe_error_um_pp / machine.tool.count_um, unit="cts", expected=275.0),
+        _put_in("eq4.speed", spindle_speed_rpm(50.0, 3), "rpm", 1000.0),
+        _put_in("eq7.amplitude", job.lobe_amplitude_um, "um", 27.5, at="1"),
+        _put_in("eq7.amplitude", paper.jobs[1].lobe_amplitude_um, "um", 16.5, at="2"),
+        _put_in("eq11.deepest", float(deepest.max()), "um", 127.5),
+        _put_in("prog1.counts", job.lobe_error_um_pp / machine.tool.count_um, "cts", 275.0),
+    )
+
+
+def _put_in(name: str, ours: float, unit: str, expected: float, at: str = "", tolerance: float = 1e-9) -> Record:
+    """Return a record of what the paper's own numbers were put in for."""
+    return Record(
+        name=name,
+        at=at,
+        ours=ours,
+        unit=unit,
+        expected=expected,
+        tolerance=tolerance,
+        basis=Basis.CONSTRUCTION,
+        why="put_in",
     )
 
 
@@ -101,9 +115,7 @@ def _fig_14(paper: Experiments) -> tuple[Record, ...]:
     for number, (job, error) in enumerate(zip(paper.jobs, paper.errors_um_pp, strict=True), start=1):
         removed = removed_depth_um(_TURN_DEG, a0_um=1000 * job.depth_of_cut_mm, a1_um=job.lobe_amplitude_um)
         round_um = evaluate(_TURN_DEG, -removed, None).ront_um
-        records.append(
-            Record(name="fig14.ront", at=f"{number}", ours=round_um, unit="um", expected=error, tolerance=0.01)
-        )
+        records.append(_put_in("fig14.ront", round_um, "um", error, at=f"{number}", tolerance=0.01))
     return tuple(records)
 
 

@@ -17,6 +17,20 @@ class Relation(StrEnum):
     NEAR = "="
     AT_MOST = "<="
     ABOVE = ">"
+    OTHER = "!="
+
+
+class Basis(StrEnum):
+    """What a comparison is worth.
+
+    One that is true by `CONSTRUCTION` follows from what the model is, whatever is assumed in it: a formula of the
+    paper put in and taken out, or a trend that the model has for any value. One that is `FITTED` is with the very
+    numbers that the model was fitted to. Neither tells anything of the paper, and both are counted apart.
+    """
+
+    COMPUTED = "computed"
+    CONSTRUCTION = "by construction"
+    FITTED = "fitted"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +39,8 @@ class Record:
 
     `expected` is None where the paper says nothing. `at` tells records of one name apart (a frequency, an
     experiment), `why` names the reason that is given for the difference, `facts` are the numbers in that reason,
-    each with its unit in its name. `tolerance` is in `unit`.
+    each with its unit in its name. `tolerance` is in `unit`. `basis` says whether it could have come
+    out otherwise.
     """
 
     name: str
@@ -38,6 +53,7 @@ class Record:
     why: str = ""
     facts: Mapping[str, float] = field(default_factory=dict)
     number: int = 0
+    basis: Basis = Basis.COMPUTED
 
     @property
     def difference(self) -> float | None:
@@ -55,6 +71,8 @@ class Record:
             return self.ours <= self.expected
         if self.relation is Relation.ABOVE:
             return self.ours > self.expected
+        if self.relation is Relation.OTHER:
+            return abs(self.ours - self.expected) > self.tolerance
         return math.isclose(self.ours, self.expected, rel_tol=1e-12, abs_tol=self.tolerance)
 
 

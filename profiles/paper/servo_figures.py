@@ -12,7 +12,7 @@ from profiles.envelope import first_beyond
 from profiles.machine import MachineProfile
 from profiles.paper import table_5
 from profiles.paper.eq9_in_time import step_error
-from profiles.paper.record import Curve, Figure, Record, Relation, Section
+from profiles.paper.record import Basis, Curve, Figure, Record, Relation, Section
 from profiles.servo import eq9_response, eq9_summary, sampled_response
 
 PAPER_BANDWIDTH_HZ, PAPER_TOLERANCE_HZ = 80.0, 5.0
@@ -92,13 +92,38 @@ def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
         "share_percent": 100 * fit.acceleration_share,
         "delay_ms": 1000 * fit.delay_s,
     }
-    return (*_rows("eq9", met, why="feedforward", facts=facts), *_rows("fitted", fitted))
+    return (
+        *_rows("eq9", met, why="feedforward", facts=facts),
+        *_rows("fitted", fitted, basis=Basis.FITTED),
+        _chi_square(fit.chi2),
+    )
+
+
+def _chi_square(chi2: float) -> Record:
+    """Return whether the fit itself is any good: chance alone exceeds the limit in one of twenty."""
+    from scipy.special import chdtrc, chdtri
+
+    freedom = 2 * len(table_5.FREQUENCIES_HZ) - table_5.UNKNOWNS
+    facts = {
+        "weight_percent": 100 * table_5.WEIGHT,
+        "weight_rad": table_5.WEIGHT,
+        "freedom": freedom,
+        "chance_percent": 100 * float(chdtrc(freedom, chi2)),
+    }
+    limit = float(chdtri(freedom, 0.05))
+    return Record(
+        name="table5.chi2", ours=chi2, expected=limit, relation=Relation.AT_MOST, why="chi_square", facts=facts
+    )
 
 
 def _rows(
-    model: str, met: np.ndarray, why: str = "", facts: Mapping[str, float] | None = None
+    model: str,
+    met: np.ndarray,
+    why: str = "",
+    facts: Mapping[str, float] | None = None,
+    basis: Basis = Basis.COMPUTED,
 ) -> tuple[Record, ...]:
-    """Return amplitude and phase errors of a response; the tolerances are twice the rms misfit of the best fit."""
+    """Return amplitude and phase errors of a response; tolerances are two standard deviations of a reading."""
 
     def of(kind: str, at: str, ours: float, unit: str, expected: float, tolerance: float) -> Record:
         return Record(
@@ -110,13 +135,16 @@ def _rows(
             tolerance=tolerance,
             why=why,
             facts=facts or {},
+            basis=basis,
         )
+
+    off, gain_um = 2 * table_5.WEIGHT, 2 * table_5.WEIGHT * table_5.COMMAND_UM_PP
 
     rows = []
     for i, hz in enumerate(table_5.FREQUENCIES_HZ):
         at, loss_um = f"{hz:g} Hz", table_5.COMMAND_UM_PP * (1 - abs(met[i]))
-        rows.append(of("amplitude", at, loss_um, "um", table_5.AMPLITUDE_ERROR_UM[i], 2.7))
-        rows.append(of("phase", at, -float(np.angle(met[i])), "rad", table_5.PHASE_ERROR_RAD[i], 0.12))
+        rows.append(of("amplitude", at, loss_um, "um", table_5.AMPLITUDE_ERROR_UM[i], gain_um))
+        rows.append(of("phase", at, -float(np.angle(met[i])), "rad", table_5.PHASE_ERROR_RAD[i], off))
     return tuple(rows)
 
 

@@ -25,7 +25,10 @@ PHASE_ERROR_RAD = (0.0, 0.126, 0.241, 0.275)
 COMMAND_UM_PP = 50.0
 
 WEIGHT = 0.03
-"""Of a gain, and of a phase in rad, in the fits."""
+"""Of a gain, and of a phase in rad, in the fits: what a reading is taken to be off by, one standard deviation."""
+
+UNKNOWNS = 2
+"""What is fitted: acceleration feedforward and delay."""
 
 
 class Reading(Enum):

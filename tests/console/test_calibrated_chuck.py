@@ -360,13 +360,17 @@ def test_a_line_that_does_not_say_how_sure_it_is_is_none_of_ours(
 
 
 def test_the_force_of_a_clamping_is_as_sure_as_the_fit_says(console: Console, tmp_path: Path, data: Path) -> None:
-    """By the 95 % band of one clamping of `calibrate chuck`, at the middle torque, over Student's t."""
+    """By the 95 % band of one clamping of `calibrate chuck`, at the middle torque, over Student's t.
+
+    The band is the widest of the kinds of scatter that the table does not rule out, the advice of the likeliest.
+    """
     table = wrench(tmp_path, 300.0, 400.0, 60.0)
     kept = console("calibrate", "chuck", table, "--affine", "--torque", "25", "--keep", "--json").json
     band = kept["asked"]["torque 25"]
     job = replace(JOB, chucking_force_n=band["value"])
     advice = clamping_advice(job, calibrated(LOADED, data).machine)
-    assert advice.at_rest_sd_n == pytest.approx((band["high"] - band["value"]) / student(10), rel=1e-6)
+    sd_n = (band["high"] - band["value"]) / student(10)
+    assert 0.9 * sd_n < advice.at_rest_sd_n <= sd_n * (1.0 + 1e-6)
     assert advice.at_rest_sd_n == pytest.approx(math.hypot(advice.scatter_sd_n, advice.line_sd_n))
     assert 0.0 < advice.line_sd_n < advice.scatter_sd_n
     assert clamping_advice(job, LATHE).line_sd_n == 0.0, "a line that is only stated"

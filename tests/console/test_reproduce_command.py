@@ -9,7 +9,7 @@ import pytest
 
 import console.cli.reproduce
 from profiles.paper.experiments import lee_2001
-from profiles.paper.record import Record, Section
+from profiles.paper.record import Basis, Record, Section
 from profiles.paper.reproduction import sections
 
 Console = Callable[..., Any]
@@ -51,3 +51,26 @@ def test_a_missed_number_is_the_exit_code(console: Console, monkeypatch: pytest.
     missed = Record(name="accept.servo", at="gain", ours=0.5, expected=0.7455, tolerance=0.0037, number=2)
     monkeypatch.setattr(console_cli, "sections", lambda _: (Section(name="acceptance", records=(missed,)),))
     assert console("reproduce", "--quick").code == 1
+
+
+def test_what_tells_nothing_of_the_paper_is_marked_and_counted_apart(console_without_numerics: Console) -> None:
+    said = console_without_numerics("reproduce", "--quick").out
+    rows = {
+        line.split("  ")[0]: line.split()[-1] for line in said.splitlines() if line.startswith(("Fig", "Table"))
+    }
+    assert rows["Fig 4: waves of the deflection in a turn"] == "≡"
+    assert rows["Fig 5a: variation of 35 mm over that of 68 mm"] == "✗"
+    assert rows["Table 5: amplitude error, 50 Hz, fitted loop"] == "(✓)"
+    assert rows["Table 5: phase error, 10 Hz, fitted loop"] == "(✗)"
+    records = [r for s in COMPUTED for r in s.records if s.name != "acceptance" and r.holds is not None]
+    own = [record.holds for record in records if record.basis is Basis.COMPUTED]
+    apart = [sum(record.basis is basis for record in records) for basis in (Basis.CONSTRUCTION, Basis.FITTED)]
+    counted = next(line for line in said.splitlines() if "Counted apart" in line)
+    assert [int(word) for word in counted.replace(".", " ").split() if word.isdigit()] == [
+        sum(map(bool, own)),
+        len(own),
+        *apart,
+    ]
+    found = console_without_numerics("reproduce", "--quick", "--json").json
+    by_name = {record["name"]: record for section in found["sections"] for record in section["records"]}
+    assert by_name["eq4.speed"]["basis"] == "by construction"

@@ -42,6 +42,21 @@ def test_a_part_far_off_centre_is_told_to_be_taken_about_its_own(console: Consol
         assert word in refused.err
 
 
+def test_a_circle_off_the_axis_says_that_its_radius_is_missing(console: Console, tmp_path: Path) -> None:
+    """500 um off a part of 26 mm is 4.8 um of oval; with the radius, or a job that has it, it is round."""
+    angle = np.radians(np.arange(360.0))
+    seen = 500.0 * np.cos(angle) + np.sqrt(26_000.0**2 - (500.0 * np.sin(angle)) ** 2) - 26_000.0
+    path = tmp_path / "part.csv"
+    path.write_text("angle_deg,deviation_um\n" + "\n".join(f"{a},{r}" for a, r in enumerate(seen)))
+    said = console("roundness", str(path), "--filter", "15")
+    assert said.code == 0 and said.err.count("\n") == 1
+    for word in ("warning", "part.csv", "500 um", "0.05 um", "radius_mm"):
+        assert word in said.err
+    held = console("roundness", str(path), "--filter", "15", "--job", "lee-2001-experiment-1", "--json").json
+    assert not any("radius is" in each or "0.05 um" in each for each in held["warnings"])
+    assert held["RONt_um"] == pytest.approx(0.0, abs=0.1)
+
+
 @pytest.mark.parametrize("stated", ["0,026", "inf", "nan", "-26", "26 mm", "0"])
 def test_a_radius_that_is_none_is_a_warning_with_its_value(console: Console, tmp_path: Path, stated: str) -> None:
     path = trace(tmp_path, range(360), f"# radius_mm: {stated}")

@@ -14,11 +14,13 @@ from console.session.errors import SessionError
 from console.session.records import RunRecord
 from console.session.run import plan_run
 from console.session.sequence import Shop, Step, cut_part
+from console.text.catalogue import load
 from drivers.cut import CutPlan, Strategy
 from drivers.lathe import Lathe
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.true_parameters import ideal
 from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.store import load_job, load_machine
@@ -113,9 +115,36 @@ def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
     simulated.wait = wait  # type: ignore[method-assign]
     with pytest.raises(SessionError) as tripped:
         cut_part(opened, JOB, plan, lambda step, detail: None)
-    assert codes(tripped) == ["machine.fault", "machine.retract_not_possible"]
+    assert codes(tripped) == ["machine.fault", "machine.tool_left_behind", "machine.retract_not_possible"]
     assert "fatal_following_error" in tripped.value.problems[0].value
     assert not any(motor.enabled for motor in simulated.controller.motors.values())
+
+
+@pytest.mark.parametrize(("friction_n", "trips"), [(6.0, False), (8.0, True)])
+def test_a_tool_that_sticks_says_how_far_it_was_behind_and_what_friction_does_that(
+    friction_n: float, trips: bool
+) -> None:
+    """Eight newtons of dry friction trip 150 um where the tool turns round, six do not; what is told is between.
+
+    The loop gives way by 10.86 um/N and is pushed by twice the friction there: 150 / 2 / 10.86 = 6.9 N.
+    """
+    job = replace(JOB, cut_length_mm=1.5)
+    simulated = SimulatedLathe(MACHINE, replace(ideal(MACHINE), coulomb_friction_n=friction_n))
+    link = MemoryLink(simulated.connect(), simulated)
+    lathe = Lathe(PmacClient(link, simulated), MACHINE, simulated, StopPath(link))
+    sticky = Shop(lathe=lathe, clamp=simulated.mount, measure=simulated.measure, simulated=True)
+    planned = plan_run(job, MACHINE, Strategy.NONE).cut
+    if not trips:
+        assert cut_part(sticky, job, planned, lambda step, detail: None).trace is not None
+        return
+    with pytest.raises(SessionError) as tripped:
+        cut_part(sticky, job, planned, lambda step, detail: None)
+    told = next(each for each in tripped.value.problems if each.code == "machine.tool_left_behind")
+    assert (told.where, told.key, told.limit) == ("6.9 N", "5 N", "150 um (I111)")
+    assert 20.0 < float(told.value.removesuffix(" um")) <= 150.0
+    for language in ("en", "ko"):
+        said = load(language).problem(told)
+        assert all(fact in said for fact in ("6.9 N", "5 N", "150 um", told.value))
 
 
 def test_a_stop_before_the_zeros_are_found_does_not_say_where_the_tool_stands(

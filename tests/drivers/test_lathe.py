@@ -177,6 +177,7 @@ def test_a_fault_under_way_stops_the_machine_and_is_named(closed: Bench) -> None
         closed.lathe.follow(lambda snapshot: None, timeout_s=10.0)
     assert fault.value.problems[0].code == "machine.fault"
     assert "tool: fatal_following_error" in fault.value.problems[0].value
+    assert [problem.code for problem in fault.value.problems[1:]] == ["machine.tool_left_behind"]
     closed.lathe.wait_for_rest()
     assert not any(motor.enabled for motor in closed.sim.controller.motors.values()), "nothing is energised again"
 

@@ -69,15 +69,22 @@ def strongest(sent: Collection[Kind]) -> tuple[str, ...]:
     return stops or tuple(others[:1]) or ("nothing",)
 
 
+BEHIND = ("machine.left_behind", "machine.tool_left_behind")
+
+
 def told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
-    """Each code is told, and nothing else; that the outcome of a look with its lease is unknown may be told."""
+    """Each code is told, and nothing else.
+
+    That the outcome of a look with its lease is unknown may be told, and of a fault how far the axis was behind.
+    """
     left = list(told)
     for code in wanted:
         found = next((one for one in code.split("/") if one in left), None)
         if found is None:
             return False
         left.remove(found)
-    return all(code == UNKNOWN for code in left)
+    may = {UNKNOWN, *(BEHIND if "machine.fault" in told else ())}
+    return may.issuperset(left)
 
 
 def _said(seen: Seen) -> str:

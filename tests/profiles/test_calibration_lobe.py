@@ -136,3 +136,12 @@ def test_what_was_assumed_stays_assumed() -> None:
     assert later.past_jaw_deg is None
     by_jaw = with_lobe(ASSUMED, found(2.0, {"direction": "cw", "jaw_1_deg": "0"}, ASSUMED), chuck="", tool="")
     assert "lobe_phase_deg" in by_jaw.assumed and by_jaw.lobe_past_jaw_deg == pytest.approx(2.0, abs=0.01)
+
+
+def test_where_a_part_sits_is_told_of_two_jaws() -> None:
+    """Off the axis by 500 um a ring of 52 mm shows two waves a turn of 4.8 um, which is no lobe of two jaws."""
+    job = replace(JOB, jaws=2)
+    for e, told in ((500.0, ["lobe.off_axis"]), (50.0, [])):
+        deviation = 27.5 * np.cos(2 * np.radians(ANGLE)) + e * np.cos(np.radians(ANGLE))
+        off_axis = find_lobe(Trace(angle_deg=ANGLE, deviation_um=deviation, meta=INDEX), job)
+        assert [problem.code for problem in off_axis.warnings] == told

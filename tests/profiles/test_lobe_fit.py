@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
+from scipy.signal import lfilter
 
 from profiles.lobe_fit import fit_lobe
 from profiles.problem import ProfileError
@@ -79,6 +80,28 @@ def test_the_confidence_is_that_of_repeated_measurements(
     aimed = [abs(lobe.crest_deg - 30.0) < lobe.ci_deg for lobe in lobes]
     assert np.mean(within) == pytest.approx(0.95, abs=0.046)  # three sd of a share of 200
     assert np.mean(aimed) == pytest.approx(0.95, abs=0.046)
+
+
+@pytest.mark.parametrize(("memory", "points"), [(0.9, 360), (0.9, 72), (0.9, 720), (0.95, 360), (0.5, 360)])
+def test_the_confidence_holds_where_neighbouring_points_err_alike(memory: float, points: int) -> None:
+    """AR(1) residuals of a known lobe, 150 traces: taken for white, 30 % of the half-widths hold it at 0.9."""
+    rng, angle = np.random.default_rng(20), turn(points)
+    drawn = lfilter([1.0], [1.0, -memory], rng.normal(0.0, 1.0, (150, points + 400)), axis=1)[:, 400:]
+    fits = [fit_lobe(angle, part(angle) + each, 3) for each in drawn]
+    within = [abs(fit.lobe.amplitude_um - 27.5) < fit.lobe.ci_um for fit in fits]
+    aimed = [abs(fit.lobe.crest_deg - 30.0) < fit.lobe.ci_deg for fit in fits]
+    assert np.mean(within) > 0.88  # 95 %, less four sd of a share of 150
+    assert np.mean(aimed) > 0.88
+    told = np.mean([fit.left_um > 3.0 * fit.floor_um for fit in fits])
+    assert told < 0.05, "what such noise leaves at low orders is no wave that should be declared"
+
+
+def test_a_wave_that_was_not_declared_makes_no_noise_of_the_others() -> None:
+    """One line of 2 um in white noise of 0.1 um: the lobe is as sure as the variance of both makes it."""
+    rng, angle = np.random.default_rng(8), turn(360)
+    fit = fit_lobe(angle, part(angle) + wave(angle, 5, 2.0, 20.0) + rng.normal(0.0, 0.1, 360), 3)
+    assert (fit.left_n, fit.left_um > 3.0 * fit.floor_um) == (5, True)
+    assert fit.lobe.sd_um == pytest.approx(math.sqrt((2.0 + 0.01) * 2 / 360), rel=0.05)
 
 
 def test_without_a_lobe_one_trace_in_twenty_shows_a_significant_one() -> None:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import cmath
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from profiles.compensation import chord_scale
-from profiles.paper import chuck
+from profiles.paper import chuck, servo_figures
 from profiles.paper.eq9_in_time import step_error
 from profiles.paper.experiments import lee_2001
 from profiles.paper.parts import models
 from profiles.paper.prog_1 import Ramps, fundamental_share, stroke_share, zigzag
+from profiles.paper.record import Basis
 from profiles.paper.residual import left_um_pp
 from profiles.paper.table_5 import (
     Reading,
@@ -127,3 +129,53 @@ def test_more_jaws_make_more_of_the_depth_of_eq_3() -> None:
     """Its lobe is in proportion to 1 - (r/R)^N: 0.19, 0.271 and 0.3439 at 0.9 of the radius."""
     depths = [record.ours for record in chuck.section(PAPER.machine).records if record.name == "fig6.depth"]
     assert np.array(depths) / depths[0] == pytest.approx(np.array([0.19, 0.271, 0.3439]) / 0.19, rel=1e-4)
+
+
+@pytest.mark.parametrize(("stiffness_n_per_um", "exponent"), [(5.0, 0.1), (50.0, 0.5), (500.0, 0.85)])
+def test_what_is_true_by_construction_is_true_whatever_is_assumed(
+    stiffness_n_per_um: float, exponent: float
+) -> None:
+    held = replace(PAPER.machine.chuck, jaw_stiffness_n_per_um=stiffness_n_per_um, jaw_contact_exponent=exponent)
+    records = chuck.section(replace(PAPER.machine, chuck=held)).records
+    marked = [record for record in records if record.basis is Basis.CONSTRUCTION]
+    assert [record.name for record in marked] == [
+        *("fig3.stiffest", "fig3.stiffest", "fig3.force", "fig3.range", "fig4.waves", "fig5.load", "fig5.place"),
+    ]
+    assert all(record.holds for record in marked)
+
+
+def test_the_variation_that_the_caption_of_fig_5a_speaks_of_is_not_in_the_model() -> None:
+    """A cantilever bends alike in all directions: the mean of 35 mm is more, the variation the same."""
+    (record,) = (each for each in chuck.section(PAPER.machine).records if each.name == "fig5.diameter")
+    assert record.ours == pytest.approx(1.0, abs=1e-9)
+    assert record.holds is False
+    assert record.why == "diameter" and record.facts["mean_ratio"] == pytest.approx(1.08, abs=0.005)
+
+
+def test_a_ring_contradicts_more_lobe_of_more_jaws() -> None:
+    """By hand, of W R^3 / (2 E I): jaw and between for N jaws (Timoshenko); the total force is the same."""
+
+    def swing(jaws: int) -> float:
+        th = np.pi / jaws
+        s, c = np.sin(th), np.cos(th)
+        inward = (th + s * c) / (2 * s**2) - 1 / th
+        outward = 1 / th - 1 / (2 * s) - th * c / (2 * s**2)
+        return float(inward + outward) / jaws
+
+    (record,) = (each for each in chuck.section(PAPER.machine).records if each.name == "fig6.order")
+    assert record.ours == pytest.approx(swing(4) / swing(2), rel=1e-3)
+    assert record.expected == pytest.approx(0.3439 / 0.19, rel=1e-4)
+    assert record.holds is False
+    assert record.facts["three_um"] == pytest.approx(55.0, abs=0.05)
+
+
+def test_the_fit_to_table_5_is_judged_by_chance_and_not_by_itself() -> None:
+    """Chi-square 18.5 of 6 degrees of freedom, where 12.592 is the 95 % point of the tables."""
+    records = {each.name: each for each in servo_figures.section(PAPER.machine).records}
+    chi2 = records["table5.chi2"]
+    assert chi2.ours == pytest.approx(18.5, abs=0.1)
+    assert chi2.expected == pytest.approx(12.592, abs=1e-3)
+    assert chi2.holds is False
+    fitted = [each for each in servo_figures.section(PAPER.machine).records if each.basis is Basis.FITTED]
+    assert len(fitted) == 8
+    assert [each.holds for each in fitted].count(False) == 1, "the phase at 10 Hz: a tolerance that can be missed"

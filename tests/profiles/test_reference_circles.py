@@ -207,6 +207,29 @@ def test_the_inscribed_circle_in_the_plane_turns_with_the_part(size: int) -> Non
     np.testing.assert_allclose(met, [met[0]] * len(met), rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize(("radius_um", "lobe_um"), [(26_000.0, 27.5), (26_000.0, 900.0), (1000.0, 40.0)])
+def test_a_gap_is_judged_from_the_axis_and_not_from_where_a_search_begins(
+    radius_um: float, lobe_um: float
+) -> None:
+    """Sixty degrees are not measured, which is allowed; the search for a circle sees more from other places."""
+    angle = np.arange(60.0, 360.1, 4.0)
+    theta, lobes = np.radians(angle), lobe_um * np.cos(3 * np.radians(angle))
+    x, y = (radius_um + lobes) * np.cos(theta), (radius_um + lobes) * np.sin(theta)
+    found = evaluate(angle, lobes, None, radius_mm=radius_um / 1000.0)
+    place = found.circle("MIC")
+    inscribed_um = float(np.hypot(x - place.centre_x_um, y - place.centre_y_um).min())
+
+    def reaches(centre: Floats) -> float:
+        outside = np.hypot(*centre) > radius_um / 2
+        return 0.0 if outside else -float(np.hypot(x - centre[0], y - centre[1]).min())
+
+    precise = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000, "maxfev": 8000}
+    starts = [(a, b) for a in (-lobe_um, 0.0, lobe_um) for b in (-lobe_um, 0.0, lobe_um)]
+    best_um = -min(minimize(reaches, s, method="Nelder-Mead", options=precise).fun for s in starts)
+    assert inscribed_um >= best_um - 2e-3  # circles within 1e-3 um of the largest are as good
+    assert found.circle("MZC").ront_um <= min(circle.ront_um for circle in found.circles) + 1e-9
+
+
 def test_points_in_the_plane_by_another_method() -> None:
     """Against a direct search (Nelder-Mead) for the same objectives, of an oval part a third off its axis."""
     random = np.random.default_rng(11)

@@ -146,6 +146,21 @@ def test_a_part_far_off_centre_is_taken_about_its_own() -> None:
     assert filtered.ront_um == pytest.approx(53.496, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("eccentricity_um", "told"), [(500.0, ["500 um", "2.5e+03 mm"]), (100.0, ["100 um", "100 mm"])]
+)
+def test_a_circle_off_the_axis_without_a_radius_is_told(eccentricity_um: float, told: list[str]) -> None:
+    """By rays a circle of 26 mm that is 500 um off looks 4.81 um oval: below 2.5 m that is above 0.05 um."""
+    theta, e = THETA, eccentricity_um
+    circle = e * np.cos(theta) + np.sqrt(26_000.0**2 - (e * np.sin(theta)) ** 2) - 26_000.0
+    result = evaluate(ANGLE, circle, None)
+    assert result.ront_um == pytest.approx(e**2 / 52_000, rel=0.01)
+    assert [[p.value, p.limit] for p in result.warnings if p.code == "trace.off_axis"] == [told]
+    assert evaluate(ANGLE, circle, None, radius_mm=26.0).warnings == ()
+    assert evaluate(ANGLE, circle, None, radius_mm=26.0).ront_um == pytest.approx(0.0, abs=0.05)
+    assert evaluate(ANGLE, circle * 0.04, None).warnings == (), "20 um are centred well enough for any part"
+
+
 def test_recentring_step_by_step() -> None:
     """Points at equal angles about the part: a limacon makes 55 um 58.664, a step about its centre mends it."""
     radius = 26_000 + LOBES

@@ -1,0 +1,178 @@
+"""What noise does to a wave that was fitted, where neighbouring points err alike.
+
+White noise of the variance s^2 puts the same on every wave. The form of a part, chatter and drift do not: what
+they add falls with the order, so that the lobe has more of it than the rest of the trace. The spectrum of what a
+fit leaves is
+
+    S(n) = s^2 (1 + b / (1 + (n / n0)^2)^p),    p in {1, 2, 3}
+
+white noise and noise that forgets within about 1 / n0 rad: p = 1 is a first-order Gauss-Markov process, which
+AR(1) is when it is sampled, and more is a smoother one. s, b, n0 and p are those of the greatest likelihood of the
+power at the orders that were not fitted (P. Whittle 1953: each is exponential, of the mean S). A hump is taken
+where white noise would show one as likely in one trace of twenty at most. An order far above its neighbours is a
+wave of the part and no noise; it has no say. A drift that does not close within the turn, as good as a random
+walk, is beyond this: of 95 % some 90 % are left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.confidence import student
+
+Floats = NDArray[np.float64]
+
+HIGHEST_ORDER = 120
+"""Orders up to here are looked at one by one; what lies above them counts as a whole."""
+
+_BEYOND = 20
+"""Orders above the highest that was fitted that are looked at, at least."""
+
+_LEAST_ORDERS = 8
+"""With fewer that were not fitted no spectrum can be told from white."""
+
+_COLOURED = 4.0
+"""Gain of log-likelihood above which noise is not white: half of chi-square of three, 95 %."""
+
+_AS_LIKELY = 1.0
+"""Loss of log-likelihood up to which another steepness is as likely; of these the surest knows too much."""
+
+_LINE = 50.0
+"""Times the median of its neighbours: by chance one order in a hundred thousand."""
+
+_NEIGHBOURS = 4
+"""Of an order, to each side."""
+
+_CORNERS, _HUMPS = 32, 32
+_STEEPNESS = (1.0, 2.0, 3.0)
+_MOST_HUMP = 1e6
+_PRIOR = 0.1
+"""What is known of the logarithms of hump and corner before anything was seen: as if within a factor of 20."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hump:
+    """S / s^2 - 1 as b, n0 and p, with its s^2; `covariance` is that of (ln s^2, ln b, ln n0), row by row."""
+
+    level: float
+    size: float
+    corner: float
+    steepness: float
+    covariance: Floats
+
+    def at(self, n: int) -> tuple[float, float]:
+        """Return the variance at an order and its degrees of freedom."""
+        shape, slopes = _shape(np.array([float(n)]), self.size, self.corner, self.steepness)
+        doubt = float(slopes[:, 0] @ self.covariance @ slopes[:, 0])
+        # The logarithm of a variance of f degrees of freedom has the variance 2 / f.
+        return self.level * float(shape[0]), max(2.0 / doubt, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseSpectrum:
+    """The variance that counts at each order, with its degrees of freedom.
+
+    `level` is that of white noise, of `freedom`; `humps` are those that are about as likely, none where the noise
+    may be white. `powers` are those of what is left, by order from 1: |sum e exp(-j n angle)|^2 / M.
+    """
+
+    level: float
+    freedom: float
+    powers: Floats
+    humps: tuple[Hump, ...] = ()
+
+    def at(self, n: int) -> tuple[float, float]:
+        """Return the variance at an order and its degrees of freedom, where the spectra differ the least sure."""
+        found = [(variance, min(freedom, self.freedom)) for variance, freedom in (h.at(n) for h in self.humps)]
+        return max(found, key=lambda each: student(each[1]) ** 2 * each[0], default=(self.level, self.freedom))
+
+
+def noise_spectrum(angle_deg: Floats, left: Floats, fitted: Sequence[int], parameters: int) -> NoiseSpectrum:
+    """Return the spectrum of what a fit of the waves `fitted` leaves; both have shape (M,), angles in any order.
+
+    `parameters` is how many were fitted.
+    """
+    freedom = float(left.size - parameters)
+    level = float(left @ left) / freedom
+    powers = _powers(angle_deg, left, max(HIGHEST_ORDER, max(fitted) + _BEYOND))
+    white = NoiseSpectrum(level=level, freedom=freedom, powers=powers)
+    orders = np.setdiff1d(np.arange(1, powers.size + 1), np.array(fitted))
+    if orders.size < _LEAST_ORDERS or level <= 0.0:
+        return white
+    told = orders[~_lines(powers[orders - 1])]
+    heard, counts, places = _with_the_rest(powers, told, orders, freedom, level, angle_deg.size)
+    return replace(white, humps=_humps(level, heard / level, counts, places))
+
+
+def _powers(angle_deg: Floats, left: Floats, highest: int) -> Floats:
+    """Return the power at the orders from 1; an order above half of the places is another one seen again."""
+    places = np.unique(np.round(angle_deg % 360.0, 6)).size
+    turn = np.exp(-1j * np.radians(angle_deg))
+    turning = np.ones_like(turn)
+    found = []
+    for _ in range(min(highest, (places - 1) // 2)):
+        turning *= turn
+        found.append(abs(complex(left @ turning)) ** 2 / left.size)
+    return np.array(found, dtype=np.float64)
+
+
+def _lines(powers: Floats) -> NDArray[np.bool_]:
+    """Return which powers stand far above those beside them."""
+    found = np.zeros(powers.size, dtype=bool)
+    for place, power in enumerate(powers):
+        first = min(max(place - _NEIGHBOURS, 0), powers.size - 2 * _NEIGHBOURS - 1)
+        beside = np.delete(powers, place)[max(first, 0) : max(first, 0) + 2 * _NEIGHBOURS]
+        found[place] = power > _LINE * float(np.median(beside))
+    return found
+
+
+def _with_the_rest(
+    powers: Floats, told: NDArray[np.int_], orders: NDArray[np.int_], freedom: float, level: float, points: int
+) -> tuple[Floats, Floats, Floats]:
+    """Return powers, how many each stands for, and their orders; the last is all that was not looked at singly."""
+    counts = np.ones(told.size)
+    rest = 0.5 * freedom - orders.size
+    energy = 0.5 * level * freedom - float(powers[orders - 1].sum())
+    if rest < 1.0 or energy <= 0.0:
+        return powers[told - 1], counts, told.astype(np.float64)
+    middle = math.sqrt(powers.size * 0.5 * points)
+    heard = np.append(powers[told - 1], energy / rest)
+    return heard, np.append(counts, rest), np.append(told.astype(np.float64), middle)
+
+
+def _humps(level: float, heard: Floats, counts: Floats, places: Floats) -> tuple[Hump, ...]:
+    """Return the likeliest hump of each steepness that is about as likely as the best; none if white."""
+    corners = np.geomspace(0.5, places.max(), _CORNERS)
+    humps = np.concatenate([[0.0], np.geomspace(0.1, _MOST_HUMP, _HUMPS)])
+    falls = np.array([(1.0 + (places / corners[:, None]) ** 2) ** -steep for steep in _STEEPNESS])
+    shapes = 1.0 + humps[:, None] * falls[:, :, None, :]
+    levels = (counts * heard / shapes).sum(axis=3) / counts.sum()
+    likelihood = -(counts * np.log(levels[..., None] * shapes)).sum(axis=3)
+    best = float(likelihood.max())
+    if best - float(likelihood[0, 0, 0]) < _COLOURED:
+        return ()
+    found = []
+    for place, steepness in enumerate(_STEEPNESS):
+        corner, hump = np.unravel_index(int(likelihood[place].argmax()), likelihood[place].shape)
+        if likelihood[place, corner, hump] >= best - _AS_LIKELY:
+            size, order = float(humps[hump]), float(corners[corner])
+            slopes = _shape(places, size, order, steepness)[1]
+            information = (slopes * counts) @ slopes.T + np.diag([0.0, _PRIOR, _PRIOR])
+            own = level * float(levels[place, corner, hump])
+            covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+            found.append(Hump(level=own, size=size, corner=order, steepness=steepness, covariance=covariance))
+    return tuple(found)
+
+
+def _shape(orders: Floats, hump: float, corner: float, steepness: float) -> tuple[Floats, Floats]:
+    """Return S / s^2 at orders, and the slopes of ln S by (ln s^2, ln b, ln n0); shapes (K,) and (3, K)."""
+    square = (orders / corner) ** 2
+    own = hump / (1.0 + square) ** steepness
+    shape = 1.0 + own
+    share = own / shape
+    return shape, np.stack([np.ones_like(shape), share, share * 2.0 * steepness * square / (1.0 + square)])
