@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -185,6 +186,25 @@ def test_many_that_begin_at_once_wait_for_each_other(tmp_path: Path) -> None:
     assert [(err, code) for _, err, code in ended] == [("", 0)] * len(many)
     assert rows(tmp_path / "new", "SELECT count(*) FROM runs")[0][0] == len(many)
     assert list((tmp_path / "new" / FOLDER).iterdir()) == []
+
+
+def test_a_writer_that_takes_longer_than_a_second_is_waited_for(data: Path) -> None:
+    """At the beginning of a run, and at an event in the midst of it."""
+    record = RunRecord(data, RUN)
+    other = sqlite3.connect(data / FILE_NAME, isolation_level=None, check_same_thread=False)
+    with closing(other):
+        acts: tuple[Callable[[], object], ...] = (
+            lambda: RunRecord(data, RUN).close(),
+            lambda: record.add("step", {}),
+        )
+        for act in acts:
+            other.execute("BEGIN IMMEDIATE")
+            release = threading.Timer(1.2, other.execute, ("ROLLBACK",))
+            release.start()
+            act()
+            release.join()
+    record.close()
+    assert len(rows(data, "SELECT run_id FROM runs")) == 3
 
 
 def test_a_run_that_was_killed_is_told_once_and_gets_its_end(data: Path) -> None:
