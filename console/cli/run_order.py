@@ -68,6 +68,7 @@ def ordered(options: Namespace) -> RunOrder:
     known = () if options.compensation == NONE else versions(data_of(options), asked)
     learned = chosen(options.compensation, known, asked)
     inverted = _inverted(options, machine.machine, simulated=simulated)
+    path = _path(job.job, machine.machine, options, learned, inverted)
     plan = plan_run(
         job.job,
         machine.machine,
@@ -76,11 +77,12 @@ def ordered(options: Namespace) -> RunOrder:
         str(job.path),
         lease=cut_condition(machine.machine),
         stage=Stage(options.stage),
-        path=_path(job.job, machine.machine, options, learned, inverted),
+        path=path,
         inverted="" if inverted is None else inverted.name,
         compensation=None if learned is None else learned.version,
         simulated=simulated,
     )
+    unused = _unused(options, job, machine, simulated=simulated)
     true = None if address is not None else iron_told(options, machine.machine)
     if options.learn is not None:
         _refuse_beside_learning(options)
@@ -93,12 +95,7 @@ def ordered(options: Namespace) -> RunOrder:
         true=true,
         parts=options.learn,
         part_file=part_file,
-        warnings=(
-            *machine.warnings,
-            *date_problems(learned),
-            *_unused(options, job, machine, simulated=simulated),
-            *plan.warnings,
-        ),
+        warnings=(*machine.warnings, *date_problems(learned), *unused, *plan.warnings),
     )
 
 
