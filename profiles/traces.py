@@ -30,12 +30,14 @@ from profiles.metrology.geometric import geometric_circle, polar
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.closed import ClosedProfile
 from profiles.trace_files.decoded import decoded
+from profiles.trace_files.limits import lines_of
 from profiles.trace_files.records import PRF, SMD, read_prf, read_smd
 from profiles.trace_files.sdf import VERSION, read_sdf
 from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TableReader
 from profiles.trace_files.x3p import MAGIC, read_x3p
 
-CAP_BYTES = 50_000_000
+CAP_BYTES = 20_000_000
+"""Forty bytes for each of the most points."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,7 +70,7 @@ def parse_trace(content: bytes, *, where: str = "") -> Trace:
         if mark.match(text):
             return _from_profile(read(text, where))
     reader = TableReader(where)
-    for number, line_text in enumerate(text.split("\n"), start=1):
+    for number, line_text in enumerate(lines_of(text, where), start=1):
         stripped = line_text.strip(" \t")
         if stripped:
             reader.take(number, stripped)

@@ -26,7 +26,8 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 WIDTH = 80
-CAP_BYTES = 4_000_000
+CAP_BYTES = 1_000_000
+"""As much as a card keeps of programs; each of its moves costs a kilobyte while it is judged."""
 MOST_RANGES = 4
 """Places that a finding names in its line; --json has them all."""
 

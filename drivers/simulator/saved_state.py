@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from drivers.simulator.controller import Controller
     from drivers.simulator.plc_programs import PlcPrograms
 
-CAP_BYTES = 16_000_000
-"""Above anything that a card has room for."""
+CAP_BYTES = 4_000_000
+"""Above anything that a card has room for; read, it takes some twenty times as much."""
 
 Texts = Mapping[str, tuple[str, ...]]
 

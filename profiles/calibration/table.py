@@ -29,6 +29,8 @@ from profiles.files import printable, read_regular_file
 from profiles.problem import Problem, ProfileError
 
 CAP_BYTES = 10_000_000
+MOST_ROWS = 10_000
+"""A year of clampings, one every hour."""
 _PROBLEM_CAP = 20
 _SEPARATORS = (";", "\t", ",")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -93,7 +95,7 @@ def parse_table(content: bytes, kind: CalibrationKind | None = None, *, where: s
         stripped = line.strip(" \r")
         if stripped.strip(";,\t"):
             reader.take(number, stripped)
-        if len(reader.problems) >= _PROBLEM_CAP:
+        if reader.full or len(reader.problems) >= _PROBLEM_CAP:
             break
     return reader.finished(hashlib.sha256(content).hexdigest())
 
@@ -119,6 +121,7 @@ class _Reader:
 
     def __init__(self, where: str, kinds: tuple[CalibrationKind, ...]) -> None:
         self.problems: list[Problem] = []
+        self.full = False
         self._where = where
         self._kinds = kinds
         self._kind: CalibrationKind | None = None
@@ -181,6 +184,12 @@ class _Reader:
         self._refuse("calibration.columns", number, value=line, limit=self._wanted())
 
     def _take_row(self, number: int, line: str, kind: CalibrationKind) -> None:
+        if len(self._rows) >= MOST_ROWS:
+            self.full = True
+            self._refuse(
+                "calibration.too_large", number, value=f"> {MOST_ROWS} rows", limit=f"<= {MOST_ROWS} rows"
+            )
+            return
         cells = _cells(line, self._separator)
         while len(cells) > len(self._names) and not cells[-1]:
             cells.pop()

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.dialect import Dialect
+from profiles.trace_files.limits import MOST_POINTS, too_large
 from profiles.trace_files.table import FEWEST_POINTS, LARGEST_DEVIATION_UM
 
-MOST_POINTS = 10_000_000
 UM_PER_M = 1e6
 ABOVE_ZERO = math.ulp(0.0)
 """The least number that a step or a scale may be."""
@@ -43,13 +43,21 @@ def closed(kind: str, deviation_um: list[float], points: float, step_m: float, w
         ProfileError: `trace.format`, there are more or fewer.
     """
     if len(deviation_um) != points:
-        raise unusable(where, f"{kind}: points", f"{len(deviation_um)}", f"{points:g}")
+        met = f"> {points:g}" if len(deviation_um) > points else f"{len(deviation_um)}"
+        raise unusable(where, f"{kind}: points", met, f"{points:g}")
     radius_mm = 1000.0 * points * step_m / (2.0 * math.pi)
     return ClosedProfile(format=kind, deviation_um=deviation_um, radius_mm=radius_mm or None)
 
 
 def point_count(stated: str, key: str, where: str) -> float:
-    """Return a number of points that a trace may have."""
+    """Return a number of points that a trace may have.
+
+    Raises:
+        ProfileError: `trace.too_large`, more than are read; `trace.format`.
+    """
+    value, code = Dialect(",").number(stated)
+    if not code and value > MOST_POINTS:
+        raise too_large(f"{where}: {key}", f"{value:.0f} points", f"{MOST_POINTS} points")
     return number(stated, key, where, FEWEST_POINTS, MOST_POINTS)
 
 
@@ -65,8 +73,8 @@ def number(stated: str, key: str, where: str, least: float, most: float) -> floa
     return value
 
 
-def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float) -> list[float]:
-    """Return heights in um of cells, each with where it stands.
+def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: float) -> list[float]:
+    """Return heights in um of cells, each with where it stands; not more than one beyond the `points` of the head.
 
     Raises:
         ProfileError: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.
@@ -80,6 +88,8 @@ def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float) -> list[flo
             code, shown = code or "trace.out_of_range", printable(cell, 60) or '""'
             raise ProfileError(Problem(code=code, where=place, key="Z", value=shown, limit=limit))
         found.append(value_um)
+        if len(found) > points:
+            break
     return found
 
 

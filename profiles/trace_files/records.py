@@ -25,6 +25,7 @@ from profiles.trace_files.closed import (
     point_count,
     unusable,
 )
+from profiles.trace_files.limits import lines_of, words_of
 
 SMD = re.compile(r"\s*ISO ?5436")
 PRF = re.compile(r"\s*1[ \t]+2[ \t]*\n[^\n]*\bPRF\b")
@@ -83,7 +84,7 @@ def read_prf(text: str, where: str) -> ClosedProfile:
 def _records(text: str, end: str, where: str) -> tuple[_Lines, _Lines, _Lines]:
     """Return the lines of the first three records; what follows them are sums and remarks."""
     records: list[_Lines] = [[]]
-    for place, line in enumerate(text.replace("\0", " ").split("\n"), start=1):
+    for place, line in enumerate(lines_of(text.replace("\0", " "), where), start=1):
         plain = line.strip(" \t\x1a")
         if plain == end:
             records.append([])
@@ -117,7 +118,8 @@ def _axis(name: str, head: _Lines, where: str) -> _Axis:
 
 
 def _heights(lines: _Lines, axis: _Axis) -> list[float]:
-    return heights_um(((place, cell) for place, line in lines for cell in line.split()), axis.um_per_number)
+    cells = ((place, cell) for place, line in lines for cell in words_of(line))
+    return heights_um(cells, axis.um_per_number, axis.points)
 
 
 def _plain(word: str) -> str:

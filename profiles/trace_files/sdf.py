@@ -19,6 +19,7 @@ from profiles.trace_files.closed import (
     point_count,
     unusable,
 )
+from profiles.trace_files.limits import lines_of, words_of
 
 VERSION = re.compile(r"\s*[aAbB](BCR|ISO|NPL) ?- ?V?\d")
 
@@ -30,7 +31,7 @@ def read_sdf(text: str, where: str) -> ClosedProfile:
         ProfileError: `trace.format`, a field is missing or cannot be used, or the number of values is another; and
             what `profiles.trace_files.closed.heights_um` refuses.
     """
-    lines = [line.strip() for line in text.split("\n")]
+    lines = [line.strip() for line in lines_of(text, where)]
     first = next(n for n, line in enumerate(lines) if line)
     if not lines[first].startswith(("a", "A")):
         raise unusable(where, "SDF: version", lines[first], "aBCR-1.0, aISO-1.0")
@@ -50,5 +51,5 @@ def read_sdf(text: str, where: str) -> ClosedProfile:
     step_m = stated("Xscale", 0.0, 1.0)
     end = next((n for n in range(body + 1, len(lines)) if lines[n].startswith("*")), len(lines))
     rows = ((f"{where}:{n + 1}", lines[n]) for n in range(body + 1, end) if not lines[n].startswith(";"))
-    cells = ((place, cell) for place, line in rows for cell in line.split())
-    return closed("SDF", heights_um(cells, um_per_unit), points, step_m, where)
+    cells = ((place, cell) for place, line in rows for cell in words_of(line))
+    return closed("SDF", heights_um(cells, um_per_unit, points), points, step_m, where)

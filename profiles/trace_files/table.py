@@ -2,8 +2,8 @@
 
 Problem codes: `trace.no_header`, `trace.columns`, `trace.not_number`, `trace.not_finite`, `trace.out_of_range`,
 `trace.duplicate_angle`, `trace.duplicate_point`, `trace.few_points`, `trace.meta`; of the whole file
-`trace.separator`, `trace.decimal_comma`, `trace.mixed_decimals`, `trace.negative_angle`, `trace.units`,
-`trace.angles`.
+`trace.too_large`, `trace.separator`, `trace.decimal_comma`, `trace.mixed_decimals`, `trace.negative_angle`,
+`trace.units`, `trace.angles`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, columns_named, unit_named
 from profiles.trace_files.dialect import Dialect
 from profiles.trace_files.header import APPLIED
+from profiles.trace_files.limits import MOST_HEADER_LINES, MOST_POINTS
 
 FEWEST_POINTS = 16
 LARGEST_DEVIATION_UM = 1e6
@@ -62,6 +63,10 @@ class TableReader:
         wanted = 2 if self.columns is None else len(self.columns.names)
         if cause := self._dialect.cause(cells, wanted):
             self._spoil(cause, number, value=line, limit=PLAIN_HEADER)
+        elif len(self.second) >= MOST_POINTS:
+            self._spoil(
+                "trace.too_large", number, value=f"> {MOST_POINTS} points", limit=f"<= {MOST_POINTS} points"
+            )
         elif len(cells) != wanted:
             names = TABLES[0].names if self.columns is None else self.columns.names
             self._refuse("trace.columns", number, value=line, limit=",".join(names))
@@ -88,6 +93,10 @@ class TableReader:
         value = unit_named(value) if key == "units" else value
         if not key or key in self.meta or not (key + value).isprintable():
             self._refuse("trace.meta", number, value=line, limit="# key: value")
+            return
+        if len(self.meta) >= MOST_HEADER_LINES:
+            value, limit = f"> {MOST_HEADER_LINES} # lines", f"<= {MOST_HEADER_LINES} # lines"
+            self._spoil("trace.too_large", number, value=value, limit=limit)
             return
         self.meta[key] = value
         allowed = {"units": tuple(UM_PER_UNIT), "angles": ("equal",), "angle_range": tuple(_RANGES)}.get(key)

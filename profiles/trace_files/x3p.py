@@ -12,6 +12,7 @@ declared) is refused, whatever encoding the document says it has.
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -20,7 +21,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from profiles.files import printable
-from profiles.problem import Problem, ProfileError
 from profiles.trace_files.closed import (
     ABOVE_ZERO,
     UM_PER_M,
@@ -31,17 +31,24 @@ from profiles.trace_files.closed import (
     point_count,
     unusable,
 )
+from profiles.trace_files.limits import MOST_POINTS, too_large
 
 _MEMBER = b"PK\x01\x02"
 MAGIC = b"PK\x03\x04"
 XML_CAP_BYTES = 10_000_000
-DATA_CAP_BYTES = 50_000_000
+DATA_CAP_BYTES = 8 * MOST_POINTS
 MOST_MEMBERS = 1000
+MOST_ELEMENTS = MOST_POINTS + 1000
+MOST_ATTRIBUTES = 1000
+LONGEST_ATTRIBUTE = 300
+"""Characters: that of a namespace stands in front of every name below it."""
 
 _TYPES = {"I": "<i2", "L": "<i4", "F": "<f4", "D": "<f8"}
 _INTEGERS = ("I", "L")
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError)
 """What `zipfile` raises of an archive that is broken, encrypted, or packed in a way it does not know."""
+
+_QUOTED = re.compile(r"""=\s*(?:"[^"]*"|'[^']*')""")
 
 _Element = ElementTree.Element
 
@@ -71,7 +78,7 @@ def read_x3p(content: bytes, where: str) -> ClosedProfile:
             _expect(root, f"Record3/MatrixDimension/{size}", ("1",), where)
         listed = _at(root, "Record3/DataList")
         heights = _linked(archive, root, points, where) if listed is None else _datums(listed, where)
-        return closed("X3P", heights_um(heights, _scale_um(root, where)), points, step_m, where)
+        return closed("X3P", heights_um(heights, _scale_um(root, where), points), points, step_m, where)
 
 
 def _member(archive: zipfile.ZipFile, name: str, cap_bytes: int, where: str) -> bytes:
@@ -85,8 +92,7 @@ def _member(archive: zipfile.ZipFile, name: str, cap_bytes: int, where: str) -> 
     except _DAMAGED as error:
         raise unusable(where, shown, str(error), "zip") from error
     if len(content) > cap_bytes:
-        value, limit = f"> {cap_bytes} bytes", f"<= {cap_bytes} bytes"
-        raise ProfileError(Problem(code="trace.too_large", where=f"{where}: {shown}", value=value, limit=limit))
+        raise too_large(f"{where}: {shown}", f"> {cap_bytes} bytes", f"{cap_bytes} bytes")
     return content
 
 
@@ -96,12 +102,28 @@ def _document(content: bytes, where: str) -> _Element:
         text = content.decode("utf-8-sig")
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise unusable(where, "main.xml", "<!DOCTYPE", "<p:ISO5436_2>")
+        _refuse_swelling(text, where)
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise unusable(where, "main.xml", str(error), "XML, UTF-8") from error
     if _name(root) != "ISO5436_2":
         raise unusable(where, "main.xml", _name(root), "<p:ISO5436_2>")
     return root
+
+
+def _refuse_swelling(text: str, where: str) -> None:
+    """Refuse a document that would cost far more memory than it has characters."""
+    # Each element has a `<`, and all but empty ones another; each attribute has a `=`.
+    elements = text.count("<") - text.count("</")
+    attributes = text.count("=")
+    longest = max((len(found.group()) for found in _QUOTED.finditer(text)), default=0)
+    for met, most, unit in (
+        (elements, MOST_ELEMENTS, "elements"),
+        (attributes, MOST_ATTRIBUTES, "attributes"),
+        (longest, LONGEST_ATTRIBUTE, "characters in an attribute"),
+    ):
+        if met > most:
+            raise too_large(f"{where}: main.xml", f"{met} {unit}", f"{most} {unit}")
 
 
 def _name(element: _Element) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -11,9 +12,9 @@ from hypothesis import strategies as st
 
 from drivers.errors import RefusedError
 from drivers.pmac.configuration.backup_reading import read_backup
-from drivers.pmac.configuration.backup_text import backup_text
+from drivers.pmac.configuration.backup_text import END_OF_HEADER, TITLE, backup_text
 from drivers.pmac.configuration.comparison import differences
-from drivers.pmac.configuration.configuration import AxisEntry, Configuration
+from drivers.pmac.configuration.configuration import AxisEntry, Configuration, digest
 from drivers.pmac.configuration.reading import read_configuration, whole_card
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.reserved import MARKER
@@ -239,3 +240,37 @@ def test_any_settings_come_back(settings: dict[int, float], family: str) -> None
 
 def test_both_families_are_there(machine: MachineProfile) -> None:
     assert {of_family(machine, name).controller.family for name in DIALECTS} == {"pmac", "turbo"}
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        (["I0..99999999=0"], ("I, M", "99999999", "1023")),
+        (["M99999999->*"], ("I, M", "99999999", "1023")),
+        (["WY:$0," + "0," * 5000 + "0"], ("characters", "10007", "1000")),
+        ([f"WY:$0,{'0,' * 400}0"] * 30, ("WY", "8421", "8192")),
+        ([""] * 300_001, ("lines", "300008", "300000")),
+    ],
+)
+def test_a_backup_that_claims_more_than_a_card_has_is_refused(body: list[str], told: tuple[str, str, str]) -> None:
+    """Its hash is right: only what is in it tells."""
+    card = "; family pmac", "; type x", "; version 1", f"; date {DATE}", f"; sha256 {digest(body)}"
+    tracemalloc.start()
+    try:
+        with pytest.raises(ProfileError) as refused:
+            read_backup("\n".join([TITLE, *card, END_OF_HEADER, *body]) + "\n", "b.pmac")
+        peak_mb = tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+    (problem,) = refused.value.problems
+    assert problem.code == "controller.backup_too_large"
+    assert (problem.key, problem.value, problem.limit) == told
+    assert peak_mb < 30.0
+
+
+def test_a_long_program_in_a_backup_is_read_line_by_line() -> None:
+    """A hundred thousand lines: each was once copied for the next, 10 GB in all."""
+    body = ["OPEN PROG1", "CLEAR", *["X1"] * 100_000, "CLOSE"]
+    card = "; family pmac", "; type x", "; version 1", f"; date {DATE}", f"; sha256 {digest(body)}"
+    backup = read_backup("\n".join([TITLE, *card, END_OF_HEADER, *body]) + "\n", "b.pmac")
+    assert backup.configuration.programs[1] == ("X1",) * 100_000

@@ -72,3 +72,11 @@ def test_what_spoils_the_whole_file_is_told_once() -> None:
     assert refused(PLAIN.encode() + b"\xb5") == [("not_text", "t.csv:4", "")]
     assert refused("# a: 1\n# a: 2\n" + PLAIN) == [("meta", "t.csv:2", "")]
     assert len(refused("torque_n_m,force_n\n" + "x,1\n" * 100)) == 20
+
+
+def test_a_table_of_more_rows_than_anybody_measures_is_refused() -> None:
+    with pytest.raises(ProfileError) as caught:
+        parse_table(b"torque_n_m;force_n\n" + b"10;1000\n" * 10_001, where="t.csv")
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.where) == ("calibration.too_large", "t.csv:10002")
+    assert (problem.value, problem.limit) == ("> 10000 rows", "<= 10000 rows")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import tracemalloc
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import evaluate
 from profiles.trace_files.header import header_of
+from profiles.trace_files.limits import MOST_POINTS
 from profiles.trace_files.x3p import MOST_MEMBERS, XML_CAP_BYTES
 from profiles.traces import Trace, parse_trace, read_trace
 
@@ -126,6 +128,58 @@ def test_entities_are_refused_whatever_the_encoding(encoding: str) -> None:
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("main.xml", main)
     assert problem(file.getvalue()).key == "main.xml"
+
+
+HUGE = 8_000_000
+"""Points that are claimed, or letters that are there."""
+
+AS_INTEGERS = MAIN.replace(">D<", ">I<").replace(">1</Increment></CZ>", ">1e-6</Increment></CZ>")
+LISTED = AS_INTEGERS.partition("<DataLink>")[0] + "<DataList>{}</DataList></Record3></p:ISO5436_2>"
+SDF = b"aBCR-1.0\nNumPoints = %d\nNumProfiles = 1\nXscale = 1e-6\nZscale = 1e-6\n*\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "value", "limit"),
+    [
+        (x3p(AS_INTEGERS.replace("<SizeX>16", f"<SizeX>{HUGE}")), "8000000 points", "<= 500000 points"),
+        (x3p(LISTED.format("<a/>" * 600_000)), "600021 elements", "<= 501000 elements"),
+        (x3p(LISTED.format("<a b='1'/>" * 2000)), "2003 attributes", "<= 1000 attributes"),
+        (
+            x3p(LISTED.format(f"<a xmlns='{'u' * 500_000}'><b/></a>")),
+            "500003 characters in an attribute",
+            "<= 300 characters in an attribute",
+        ),
+        (x3p(data=b"\0" * 9_000_000), "> 4000000 bytes", "<= 4000000 bytes"),
+        (SDF % HUGE + b"0 " * HUGE, "8000000 points", "<= 500000 points"),
+        (SDF % 16 + b"\n" * HUGE, "8000007 lines", "<= 1000000 lines"),
+        (b"".join(b"#%d:v\n" % i for i in range(1001)), "> 1000 # lines", "<= 1000 # lines"),
+    ],
+    ids=["points", "elements", "attributes", "namespace", "binary", "sdf", "lines", "header"],
+)
+def test_a_small_file_with_much_in_it_costs_no_memory(content: bytes, value: str, limit: str) -> None:
+    """Twenty kilobytes of X3P took 6.5 GB, 16 MB of SDF 5.2 GB: what is met and allowed is told instead."""
+    tracemalloc.start()
+    try:
+        found = problem(content)
+        peak_mb = tracemalloc.get_traced_memory()[1] / 1e6
+    finally:
+        tracemalloc.stop()
+    assert (found.code, found.value, found.limit) == ("trace.too_large", value, limit)
+    assert peak_mb < 60.0
+
+
+def test_a_table_is_read_up_to_its_last_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert MOST_POINTS == 500_000
+    monkeypatch.setattr("profiles.trace_files.table.MOST_POINTS", 100)
+    head = b"# angles: equal\ndeviation_um\n"
+    assert parse_trace(head + b"0\n" * 100).deviation_um.size == 100
+    found = problem(head + b"0\n" * 101)
+    assert (found.code, found.value, found.limit) == ("trace.too_large", "> 100 points", "<= 100 points")
+
+
+def test_more_values_than_the_head_says_are_not_read_to_their_end() -> None:
+    found = problem(SDF % 16 + b"0 " * HUGE)
+    assert (found.code, found.value, found.limit) == ("trace.format", "> 16", "16")
 
 
 def test_bombs_and_damage_are_refused() -> None:
