@@ -81,7 +81,6 @@ def ordered(options: Namespace) -> RunOrder:
         compensation=None if learned is None else learned.version,
         simulated=simulated,
     )
-    true = None if address is not None else iron_told(options, machine.machine)
     if options.learn is not None:
         _refuse_beside_learning(options)
         refuse_unlearnable(plan, measured=address is None)
@@ -90,7 +89,7 @@ def ordered(options: Namespace) -> RunOrder:
         machine=machine,
         plan=plan,
         address=address,
-        true=true,
+        true=None if address is not None else iron_told(options, machine.machine),
         parts=options.learn,
         part_file=part_file,
         warnings=(
