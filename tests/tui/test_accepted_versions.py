@@ -148,13 +148,13 @@ def test_a_version_that_was_learned_elsewhere_meanwhile_is_told_on_run(tmp_path:
 
     async def play(stage: OnRun) -> None:
         await stage.show()
-        assert stage.desk.work is not None and stage.desk.work.set_aside == ()
+        assert stage.desk.work is not None
+        assert [problem.code for problem in stage.desk.work.set_aside] == []
         store(tmp_path, replace(learned(), version=2))
         stage.page.leave()
         await stage.show()
         await stage.show()
-        (problem,) = stage.desk.work.set_aside
-        assert (problem.code, problem.key) == ("learned.newer", "2")
+        assert [(problem.code, problem.key) for problem in stage.desk.work.set_aside] == [("learned.newer", "2")]
         assert "version 2" in stage.text and stage.desk.work.compensation == learned()
         step_compensation(stage.desk)
         assert stage.desk.work.compensation == replace(learned(), version=2)
@@ -168,7 +168,7 @@ def test_what_is_expected_of_a_learned_part_is_what_the_part_before_says() -> No
     version = learned()
     told, half = expected_part(version), expected_part(version, 0.5)
     assert told is not None and half is not None and told.ront_um is not None
-    assert (told.ront_um, told.lobe.amplitude_um) == (version.expected_ront_um, pytest.approx(0.0, abs=1e-9))
+    assert told.ront_um == version.expected_ront_um and told.lobe.amplitude_um < 1e-9
     assert half.ront_um == pytest.approx(27.5, abs=1.5)
     work = cut_with(version)
     assert work.preview is not None

@@ -69,6 +69,15 @@ def test_of_a_lobe_that_is_elsewhere_the_set_up_is_asked_for_first() -> None:
         assert page.next_step == EN("inspect_page.next_check_jaw")
 
 
+def test_nothing_is_promised_of_what_may_not_be_kept() -> None:
+    assert PART.lesson is not None and PART.lesson.taught is not None
+    worse = Problem(code="learned.worse", key="+25 deg", value="67.0 um", limit="55.0 um")
+    lesson = replace(PART.lesson.taught.lesson, reasons=(worse,))
+    part_ = replace(PART, lesson=replace(PART.lesson, taught=replace(PART.lesson.taught, lesson=lesson)))
+    assert "3/rev 1.82 · 6/rev" in panel(part_)
+    assert not any(words in panel(part_) for words in ("→", "gain 1 ", "may not help"))
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_after_the_gauge_run_says_one_thing(language: str) -> None:
     text = load(language)

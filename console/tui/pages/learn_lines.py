@@ -76,6 +76,9 @@ def _half_words(taught: Taught, text: Catalogue) -> str:
 
 
 def _wave_words(taught: Taught, text: Catalogue) -> str:
+    if taught.lesson.reasons:  # nothing is promised of a next part that will not be cut with it
+        left = " · ".join(f"{each.waves}/rev {each.left_um_pp:.2f}" for each in taught.waves)
+        return text("inspect_page.left", waves=left)
     lobe = taught.lesson.next.path.wanted.lobes
     scatter = f" ± {taught.lesson.expected_half_width_um_pp:.2f}"
     words = [_wave(each, scatter if each.waves == lobe else "", text) for each in taught.waves]
@@ -89,7 +92,7 @@ def _wave(wave: LeftWave, scatter: str, text: Catalogue) -> str:
 
 def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
     lesson = taught.lesson
-    facts = [f"{text('learned.gain')} {lesson.next.gain:g}"]
+    facts = [] if lesson.reasons else [f"{text('learned.gain')} {lesson.next.gain:g}"]
     if lesson.contraction is not None:
         found = lesson.contraction
         factor = f"x{found.value:.2f} ± {found.half_width:.2f}"
