@@ -95,8 +95,8 @@ def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
     facts = [] if lesson.reasons else [f"{text('learned.gain')} {lesson.next.gain:g}"]
     if lesson.contraction is not None:
         found = lesson.contraction
-        factor = f"x{found.value:.2f} ± {found.half_width:.2f}"
-        facts.append(f"{text(f'inspect_page.verdict.{found.verdict}')} {factor}")
+        factor = f"{found.value:.2f} ± {found.half_width:.2f}"
+        facts.append(text(f"inspect_page.verdict.{found.verdict}", factor=factor))
     if work is not None:
         facts.append(text("inspect_page.next_cut_with", made=chosen_words(text, work)))
     return facts
