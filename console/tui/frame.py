@@ -54,7 +54,7 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     """SIM, the machine, what it does, how old that is, and the time; a long name of the machine gives way."""
     text, state = frame.text, frame.state
     head: list[tuple[str, Token]] = (
-        [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else []
+        [(f" {text('sim')} ", Token.SIM), ("  ", Token.TEXT)] if state.simulated else [(" ", Token.TEXT)]
     )
     attention = state.activity in (Activity.STOPPED, Activity.LOST, Activity.STOPPING)
     token = Token.WARNING if attention else Token.STRONG if state.moving else Token.TEXT

@@ -73,6 +73,12 @@ class CutSetup:
         return self.carriage_counts / self.carriage_per_turn
 
     @property
+    def turns_clear(self) -> float:
+        """So many of them are over before the tool meets the face of the part."""
+        face = 2.0 * self.carriage_middle - (self.carriage_start + self.carriage_counts)
+        return (face - self.carriage_start) / self.carriage_per_turn
+
+    @property
     def whole_turns(self) -> int:
         """The same in whole turns: a program ends its cut at the end of one."""
         return math.ceil(self.turns - ROUNDING_TURNS)
