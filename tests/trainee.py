@@ -13,6 +13,7 @@ from pathlib import Path
 from console.text.catalogue import load
 from console.tui.pace import QUIET_S
 from profiles.store import load_job
+from tests.compact import save_compact
 from tests.terminal import Terminal, _command_line
 
 FIRST_JOB = "lee-2001-experiment-1"
@@ -31,14 +32,20 @@ SETTLES_DEG, SETTLES_MM = 0.05, 0.0025
 """What a jog may still be off when it is done: a count of the spindle and its rounding, 4 counts of the tool."""
 
 
-def console(data: Path, language: str, columns: int, rows: int, **environment: str) -> Terminal:
-    """The program in a terminal of its own, its first job half as long: to plan it takes half the time."""
+def console(
+    data: Path, language: str, columns: int, rows: int, *, short_ways: bool = False, **environment: str
+) -> Terminal:
+    """The program in a terminal of its own, its first job half as long: to plan it takes half the time.
+
+    With `short_ways` its lathe has everything close together: for tests that are not about the ways of its axes.
+    """
     own = data / "jobs" / f"{FIRST_JOB}.toml"
     if not own.exists():
         own.parent.mkdir(parents=True, exist_ok=True)
         text = load_job(FIRST_JOB).path.read_text(encoding="utf-8")
         own.write_text(re.sub(r"(?m)^cut_length_mm = 8.0", "cut_length_mm = 4.0", text), encoding="utf-8")
     command = [sys.executable, "-m", "console", "--sim", "--data", str(data), "--lang", language]
+    command += save_compact(data) if short_ways else ()
     return Terminal(command, columns=columns, rows=rows, environment=environment or None)
 
 

@@ -19,9 +19,11 @@ JOB = "lee-2001-experiment-1"
 LINE = re.compile(r"\d+\.\d{3} [><!*] \S.*")
 
 
-def test_a_job_is_traced_from_the_first_flush_to_the_end(console: Console, tmp_path: Path) -> None:
+def test_a_job_is_traced_from_the_first_flush_to_the_end(
+    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path
+) -> None:
     path = tmp_path / "trace"
-    said = console("run", JOB, "--sim", "--json", "--trace", str(path))
+    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", *close, "--json", "--trace", str(path))
     assert (said.code, said.err) == (0, "")
     first, *lines = path.read_text(encoding="utf-8").splitlines()
     assert re.fullmatch(rf"# \S+ run {JOB}", first)
@@ -36,15 +38,20 @@ def test_a_job_is_traced_from_the_first_flush_to_the_end(console: Console, tmp_p
     assert any(line.endswith("< [ACK]") for line in lines)
 
 
-def test_without_room_for_it_nothing_begins(console: Console, tmp_path: Path) -> None:
-    said = console("run", JOB, "--sim", "--trace", str(tmp_path))
+def test_without_room_for_it_nothing_begins(console: Console, job_file: JobFile, tmp_path: Path) -> None:
+    job = str(job_file(cut_length_mm="0.5"))
+    said = console("run", job, "--sim", "--trace", str(tmp_path))
     assert said.code == 1
     assert said.out == ""
     assert "Is a directory" in said.err.splitlines()[-1]
 
 
 def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
-    console: Console, job_file: JobFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    console: Console,
+    close: tuple[str, str],
+    job_file: JobFile,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     from drivers.link.trace_file import TraceFile
 
@@ -57,8 +64,8 @@ def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(TraceFile, "write", write)
-    job = str(job_file(cut_length_mm="1.0"))
-    said = console("run", job, "--sim", "--json", "--trace", str(tmp_path / "trace"))
+    job = str(job_file(cut_length_mm="0.5"))
+    said = console("run", job, "--sim", *close, "--json", "--trace", str(tmp_path / "trace"))
     assert said.code == 0
     assert [("No space left" in line) for line in said.err.splitlines()].count(True) == 1
     assert said.json["after"]["RONt_um"] < 1.0

@@ -203,7 +203,7 @@ def last_event(data: Path) -> tuple[str, dict[str, object]]:
 
 @pytest.mark.timeout(120)
 def test_a_line_that_stalls_in_mid_cut_stops_the_machine_and_is_told_when_it_runs_again(tmp_path: Path) -> None:
-    with console(tmp_path, "en", 160, 48) as terminal:
+    with console(tmp_path, "en", 160, 48, short_ways=True) as terminal:
         trainee = console_at(terminal)
         trainee.aligns()
         trainee.starts_the_cut()

@@ -41,6 +41,15 @@ def trainee(tmp_path: Path) -> Iterator[Trainee]:
         yield ready
 
 
+@pytest.fixture(scope="module")
+def once_started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trainee]:
+    """The same, for all that end as they began: at rest, the stop taken back, nothing open, 80 by 24."""
+    with console(tmp_path_factory.mktemp("stops"), "en", 80, 24) as terminal:
+        ready = console_at(terminal)
+        ready.switches_on()
+        yield ready
+
+
 def is_stopped_by(trainee: Trainee, reason: str) -> None:
     """Rest is proven in time, and the row says what stopped the machine; then go on."""
     trainee.sees("activity.stopped", REST_S)
@@ -65,7 +74,8 @@ def goes_to(trainee: Trainee, page: str, title: str) -> None:
     trainee.terminal.wait_for(title, 2.0)
 
 
-def test_a_stop_key_stops_on_every_page(trainee: Trainee) -> None:
+def test_a_stop_key_stops_on_every_page(once_started: Trainee) -> None:
+    trainee = once_started
     for page, key, reason in (
         ("1", "space", "Space"),
         ("2", "escape", "Esc"),
@@ -94,21 +104,24 @@ def test_a_stop_key_stops_on_every_page(trainee: Trainee) -> None:
     ],
 )
 def test_what_means_nothing_or_something_else_stops_what_moves_and_is_named(
-    trainee: Trainee, typed: dict[str, str]
+    once_started: Trainee, typed: dict[str, str]
 ) -> None:
+    trainee = once_started
     for text, reason in typed.items():
         homes_again(trainee)
         trainee.terminal.type(text)
         is_stopped_by(trainee, reason)
 
 
-def test_bytes_that_are_no_text_stop_what_moves(trainee: Trainee) -> None:
+def test_bytes_that_are_no_text_stop_what_moves(once_started: Trainee) -> None:
+    trainee = once_started
     homes_again(trainee)
     os.write(trainee.terminal._master, b"\xff\xfe")
     is_stopped_by(trainee, "\ufffd means nothing here")
 
 
-def test_a_paste_whose_end_is_lost_stops_and_does_not_keep_the_keys(trainee: Trainee) -> None:
+def test_a_paste_whose_end_is_lost_stops_and_does_not_keep_the_keys(once_started: Trainee) -> None:
+    trainee = once_started
     homes_again(trainee)
     trainee.terminal.type("\x1b[200~G0 X-10")
     is_stopped_by(trainee, "something pasted")
@@ -117,7 +130,8 @@ def test_a_paste_whose_end_is_lost_stops_and_does_not_keep_the_keys(trainee: Tra
     is_stopped_by(trainee, "Space")
 
 
-def test_with_the_help_open_a_key_stops_as_well(trainee: Trainee) -> None:
+def test_with_the_help_open_a_key_stops_as_well(once_started: Trainee) -> None:
+    trainee = once_started
     for key, reason in (("space", "Space"), ("escape", "Esc"), ("x", "x means nothing here")):
         homes_again(trainee)
         trainee.press("?")
@@ -126,7 +140,8 @@ def test_with_the_help_open_a_key_stops_as_well(trainee: Trainee) -> None:
         is_stopped_by(trainee, reason)
 
 
-def test_in_a_terminal_that_is_too_small_space_stops(trainee: Trainee) -> None:
+def test_in_a_terminal_that_is_too_small_space_stops(once_started: Trainee) -> None:
+    trainee = once_started
     homes_again(trainee)
     trainee.terminal.resize(40, 10)
     trainee.terminal.wait_for("terminal too small", 2.0)
@@ -184,16 +199,19 @@ def test_a_stop_while_it_connects_is_in_force_when_the_machine_is_there(tmp_path
         trainee.sees("activity.ready", 5.0)
 
 
-@pytest.mark.parametrize("said", [SUPPORT_REPLY, RELEASE, ARROW_RELEASE, "\x1b[0;1:2u", "\x1b[<0;1;1M"])
-def test_what_a_terminal_says_of_itself_does_nothing_at_rest(said: str, tmp_path: Path) -> None:
+def test_what_a_terminal_says_of_itself_does_nothing_at_rest(tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24) as terminal:
         trainee = Trainee(terminal, "en")
         trainee.sees("activity.ready")
-        terminal.type(said)
-        # The key behind it is answered, on the page that was there; neither help nor another page came.
-        trainee.scans("")  # what came close to it would be no key of a person
-        trainee.press("down", "enter")
-        terminal.wait_for("Set-up: lee-2001-experiment-2", 3.0)
+        for turn, said in enumerate((SUPPORT_REPLY, RELEASE, ARROW_RELEASE, "\x1b[0;1:2u", "\x1b[<0;1;1M")):
+            key, number = (("down", 2), ("up", 1))[turn % 2]
+            terminal.type(said)
+            # The key behind it is answered, on the page that was there; neither help nor another page came.
+            trainee.scans("")  # what came close to it would be no key of a person
+            trainee.press(key, "enter")
+            terminal.wait_for(f"Set-up: lee-2001-experiment-{number}", 3.0)
+            trainee.press("1")
+            terminal.wait_for(rf"▸ *lee-2001-experiment-{number}", 3.0)
         terminal.press("ctrl+q")
         assert terminal.wait_exit(2.0) == 0
 

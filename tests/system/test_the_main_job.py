@@ -24,7 +24,7 @@ def test_a_trainee_makes_a_round_part_with_a_stop_in_mid_cut(
     language: str, columns: int, rows: int, tmp_path: Path
 ) -> None:
     makes_a_job_for_another_chuck(tmp_path)
-    with console(tmp_path, language, columns, rows) as terminal:
+    with console(tmp_path, language, columns, rows, short_ways=True) as terminal:
         trainee = Trainee(terminal, language)
         terminal.wait_for("SIM", 10.0)
         trainee.opens_the_first_job()
