@@ -336,4 +336,5 @@ def _lack_of_fit(torque: Floats, force: Floats, root: Floats, left: Floats, free
         return None
     if pure <= ROUNDING**2 * missed:
         return 0.0
-    return chance_of((missed - pure) / added / (pure / pure_freedom), added, pure_freedom)
+    # A line through the means misses no more than they do, and by rounding a little less.
+    return chance_of(max(missed - pure, 0.0) / added / (pure / pure_freedom), added, pure_freedom)

@@ -77,8 +77,12 @@ def test_form_preview_and_arming_say_the_same_of_any_job(
 
 
 def wrench(folder: Path, off_n: float) -> str:
-    """Clampings at 200 N/(N m), at each torque one on the line and one on each side of it."""
-    rows = [f"{torque:g},{200 * torque + d:g}" for torque in (10, 20, 30, 40) for d in (-off_n, 0, off_n)]
+    """Clampings at 200 N/(N m), at each torque one on the line and one on each side of it.
+
+    They are `off_n` off in the mean square, and less at the higher torques: nothing in it grows with the torque.
+    """
+    off = {10: 1.25 * off_n, 20: off_n, 30: off_n, 40: math.sqrt(0.4375) * off_n}
+    rows = [f"{torque:g},{200 * torque + d}" for torque in off for d in (-off[torque], 0, off[torque])]
     path = folder / "wrench.csv"
     path.write_text("\n".join(["torque_n_m,force_n", *rows]))
     return str(path)

@@ -140,3 +140,10 @@ def test_what_gives_no_line_is_refused() -> None:
         "calibration.outside",
         "10 … 50 N m",
     )
+
+
+def test_a_line_through_the_mean_of_every_torque_misses_nothing() -> None:
+    """By rounding it may miss less than the means themselves, which is no number of a chance."""
+    torque_n_m = np.repeat([10.0, 20.0, 30.0, 40.0], 3)
+    fit = fit_wrench(torque_n_m, 200.0 * torque_n_m + np.tile([-400.0, 0.0, 400.0], 4))
+    assert fit.lack_of_fit_chance == pytest.approx(1.0) and not fit.misses
