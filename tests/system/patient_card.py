@@ -52,11 +52,12 @@ class _Words:
 class _Heard(PlainStream):
     """The ASCII stream of the console, with an ear."""
 
-    def __init__(self, lathe: SimulatedLathe, port: Port, words: _Words) -> None:
+    def __init__(self, lathe: SimulatedLathe, port: Port, card: PatientCard) -> None:
         super().__init__(lathe, port)
-        self._now_s, self._words = lathe.now_s, words
+        self._now_s, self._words, self._catch_up = lathe.now_s, card.words, card.catch_up
 
     def receive(self, data: bytes) -> None:
+        self._catch_up()
         words, pass_on = self._words, partial(super().receive, data)
         words.said.append((self._now_s(), data))
         if words.holds is not None and (words.held or words.holds in data):
@@ -77,22 +78,22 @@ class PatientCard:
         self._reached = asyncio.Event()
         self._runs = True
         self._ended = False
+        self._last_s = time.monotonic()
 
     async def begin(self) -> asyncio.Server:
         """Listen for the console, and let time run with it."""
         loop, hosts = asyncio.get_running_loop(), self.server.hosts
-        heard = partial(_Heard, words=self.words)
+        heard = partial(_Heard, card=self)
         listener = await loop.create_server(lambda: Connection(self.lathe, hosts, heard), "127.0.0.1", 0)
         self.console = f"tcp:127.0.0.1:{listener.sockets[0].getsockname()[1]}"
         return listener
 
     async def keep_time(self) -> None:
         """Let time run with the console, until `end`."""
-        last_s = time.monotonic()
+        self._last_s = time.monotonic()
         while not self._ended:
             await asyncio.sleep(TICK_S)
-            now_s = time.monotonic()
-            real_s, last_s = now_s - last_s, now_s
+            real_s = self._passed_s()
             left_s = real_s if self._measured else min(min(real_s, LATE_S) * self._speed, self._waits_s)
             while left_s > 0.0 and self._runs:
                 self.lathe.wait(min(left_s, SLICE_S))
@@ -102,6 +103,18 @@ class PatientCard:
                 await asyncio.sleep(0.0)
                 self._look()
             self._look()  # also where time stands, because the console says nothing any more
+
+    def _passed_s(self) -> float:
+        last_s, self._last_s = self._last_s, time.monotonic()
+        return self._last_s - last_s
+
+    def catch_up(self) -> None:
+        """Let a word be heard when it was said, where the console measures time by what is answered."""
+        if self._runs and self._measured:
+            left_s = self._passed_s()
+            while left_s > 0.0:
+                self.lathe.wait(min(left_s, SLICE_S))
+                left_s -= SLICE_S
 
     def _look(self) -> None:
         if self._stops_at is not None and self._stops_at():
