@@ -14,6 +14,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+import drivers.cut
+from tests.remembered import run_through_once
+
 # No deadline and no health check of speed: a loaded machine is not a defect.
 EXPLORE = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("explore", EXPLORE)
@@ -24,6 +27,10 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 # of them compiles all of its modules anew. The workers and the programs take this from the environment.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+# A pure function, asked some hundreds of times for the same few programs.
+drivers.cut.run_through = run_through_once  # type: ignore[attr-defined]
 
 
 def pytest_configure(config: pytest.Config) -> None:
