@@ -126,7 +126,8 @@ def test_a_hold_at_any_moment_leaves_whole_turns_and_no_mark(
 def test_the_paper_program_is_held_at_the_end_of_a_turn_too(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, hold_s: float
 ) -> None:
-    found = run(bench, aligned(bench, experiment(1), machine, Strategy.PAPER), hold_s)
+    job = replace(experiment(1), cut_length_mm=4.0)
+    found = run(bench, aligned(bench, job, machine, Strategy.PAPER), hold_s)
     # The first and the last ramp of the carriage are seen a millisecond or two late.
     assert found.turns == pytest.approx(round(found.turns), abs=0.02)
     assert 1.0 <= found.turns < 40.0
@@ -155,9 +156,9 @@ def test_what_was_cut_before_a_hold_is_as_round_as_a_whole_cut(
     bench: Bench, machine: MachineProfile, experiment: JobMaker
 ) -> None:
     """The measured section is in the middle; the hold comes behind it."""
-    plan = aligned(bench, experiment(1), machine, Strategy.PVT)
-    found = run(bench, plan, 9.0)
-    assert found.turns < plan.setup.turns - 20
+    plan = aligned(bench, replace(experiment(1), cut_length_mm=3.0), machine, Strategy.PVT)
+    found = run(bench, plan, 4.5)
+    assert 0.6 * plan.setup.turns < found.turns < plan.setup.turns - 20
     trace = bench.sim.measure()
     assert evaluate(trace.angle_deg, trace.deviation_um, None).ront_um < 1.0
 
@@ -167,7 +168,7 @@ def test_a_hold_before_the_feed_ends_clear_of_the_part(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
     """The paper program has begun its first turn by then: the controller calculates one move ahead."""
-    plan = aligned(bench, experiment(1), machine, strategy)
+    plan = aligned(bench, replace(experiment(1), cut_length_mm=1.0), machine, strategy)
     found = run(bench, plan, 0.5 * RUN_UP_S)
     turns = 1 if strategy is Strategy.PAPER else 0
     assert found.carriage_command.max() <= plan.carriage_start + turns * plan.setup.carriage_per_turn + 1e-6
