@@ -99,7 +99,7 @@ def test_a_cut_tells_the_swing_of_its_spindle(
 ) -> None:
     """By every servo cycle of the iron in the part, on a lathe that is not what its profile says."""
     floor = open_floor(tmp_path, plant="realistic")
-    job = replace(experiment_1(), cut_length_mm=5.0)
+    job = replace(experiment_1(), cut_length_mm=3.0)
     floor.set_up(job)
     motor = floor.sim.controller.motors[2]
     spindle = cast("Spindle", motor.axis)
