@@ -1,7 +1,7 @@
 """What a program will do, found out once: most tests cut one of a few parts, by one of a few programs.
 
-To run a program through takes half as long as to plan it and to cut by it in simulation, and depends on nothing but
-its lines and on what is asked with them.
+To run a program through takes a tenth of a short cut in simulation, and depends on nothing but its lines and on
+what is asked with them.
 """
 
 from __future__ import annotations
