@@ -115,9 +115,13 @@ class Motion:
     def _refuse_astray(self, snapshot: Snapshot, guard: Guard) -> None:
         """Stop what does not do what it was told to do, at the look that shows it.
 
+        What a stop of ours has opened or moved since the last look is nobody else's doing.
+
         Raises:
+            StoppedError: the machine was stopped meanwhile.
             DriverError: `machine.loop_open`, those of the guard, `controller.constant_differs` of the program.
         """
+        self._stop.check()
         found = (open_loop_problem(snapshot), self._looks.changed, *guard(snapshot))
         problems = [problem for problem in found if problem is not None]
         if problems:

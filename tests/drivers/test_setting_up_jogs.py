@@ -160,3 +160,20 @@ def test_a_stop_in_mid_jog_runs_on_by_less_than_the_overrun(closed: Bench, motor
     went = closed.sim.controller.motors[motor].desired - pressed
     bound = closed.lathe.overrun_counts(list(AxisName)[motor - 1])
     assert 0.8 * bound < went <= bound
+
+
+def test_loops_that_a_kill_of_ours_opens_are_nobody_elses_doing(
+    closed: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The key thread sends it between the decision to look and the look."""
+    closed.lathe.home()
+    request = closed.client.request
+
+    def with_a_kill(line: str, *more: object, **words: object) -> list[str]:
+        if line.startswith("#1P") and closed.sim.controller.motors[3].jogging and closed.stop.reason is None:
+            closed.stop.kill("F9")
+        return request(line, *more, **words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(closed.client, "request", with_a_kill)
+    with pytest.raises(StoppedError, match="F9"):
+        closed.lathe.jog_by(AxisName.CARRIAGE, 20_000.0)
