@@ -169,7 +169,7 @@ def test_loops_that_a_kill_of_ours_opens_are_nobody_elses_doing(
     closed.lathe.home()
     request = closed.client.request
 
-    def with_a_kill(line: str, *more: object, **words: object) -> list[str]:
+    def with_a_kill(line: str, *more: object, **words: object) -> tuple[str, ...]:
         if line.startswith("#1P") and closed.sim.controller.motors[3].jogging and closed.stop.reason is None:
             closed.stop.kill("F9")
         return request(line, *more, **words)  # type: ignore[arg-type]
