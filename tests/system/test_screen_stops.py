@@ -161,6 +161,7 @@ def test_a_stop_does_not_wait_for_a_screen_that_hangs(trainee: Trainee) -> None:
     with pytest.raises(AssertionError, match="not on the screen"):
         terminal.wait_for("STOPPED", 4.0)
     terminal.resume()
+    terminal.wait_for("STOPPED", 10.0)  # behind all that was typed; how soon it rested is on the screen
     is_stopped_by(trainee, "Space")
 
 
