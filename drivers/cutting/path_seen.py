@@ -54,7 +54,9 @@ class PathSeen:
         face = 2.0 * setup.carriage_middle - (plan.carriage_start + setup.carriage_counts)
         # Clear of the part nothing bends the tool: there it is on another path, and the first turn is on neither.
         self._clear = face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
-        self._in_part, self._first = self._clear + setup.carriage_per_turn, plan.carriage_start
+        # A tool that dry friction holds has not reached its path where the feed begins; a turn in air it may have.
+        self._first = plan.carriage_start + setup.carriage_per_turn
+        self._in_part = self._clear + setup.carriage_per_turn
         self._last = plan.carriage_start + (setup.whole_turns - LAST_TURN) * setup.carriage_per_turn
         self._rows: list[tuple[float, float, float, float, float]] = []
         self._over = False

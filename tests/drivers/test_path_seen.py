@@ -25,14 +25,20 @@ def plan() -> CutPlan:
 
 
 def told(
-    tool_um: float = 0.0, *, share: float = 1.0, feed_mm: float = 0.0, turns: float = 0.0, noise_um: float = 0.5
+    tool_um: float = 0.0,
+    *,
+    share: float = 1.0,
+    feed_mm: float = 0.0,
+    turns: float = 0.0,
+    noise_um: float = 0.5,
+    within_s: tuple[float, float] = (1.5, 1.7),
 ) -> list[str]:
     """What is told of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe."""
     setup, chance = plan().setup, np.random.default_rng(1)
     seen = PathSeen(plan(), MACHINE)
     for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
         at_s = number * POLL_S
-        off = 1.0 if 1.5 <= at_s < 1.7 else 0.0
+        off = 1.0 if within_s[0] <= at_s < within_s[1] else 0.0
         turn = at_s / TURN_S + off * turns
         z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * MACHINE.carriage.counts_per_mm
         wanted_um = plan().wanted.mean_um + share * (plan().wanted.at_um(360.0 * turn) - plan().wanted.mean_um)
@@ -64,6 +70,11 @@ def test_a_cut_that_is_the_same_turn_by_turn_is_left_alone(noise_um: float) -> N
 
 def test_a_lobe_that_a_weak_amplifier_makes_smaller_is_no_reason() -> None:
     assert told(share=0.7) == []
+
+
+def test_a_tool_that_friction_holds_where_the_feed_begins_has_a_turn_in_air_to_follow() -> None:
+    assert told(-35.0, within_s=(0.0, TURN_S)) == []
+    assert told(-35.0, within_s=(1.5 * TURN_S, 3.0 * TURN_S)) == ["tool"]
 
 
 def test_a_moment_in_which_the_tool_was_deeper_is_told() -> None:
