@@ -8,7 +8,7 @@ from functools import partial
 from drivers.arrival import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
 from drivers.errors import DriverError, RefusedError
 from drivers.guards import JogGuard, OthersStill
-from drivers.lengths import Lengths
+from drivers.lengths import Lengths, motor_of
 from drivers.loading import Loading
 from drivers.looks import Looks
 from drivers.motion import Motion
@@ -28,12 +28,6 @@ READ_MS = 10.0
 
 SHIFTED_COUNTS = 5.0
 """An axis that rests is commanded to one place, and told to a tenth of a count."""
-
-
-def motor_of(machine: MachineProfile, axis: AxisName) -> int:
-    """Return the number of the motor of an axis."""
-    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
-    return dict(zip(AxisName, motors, strict=True))[axis]
 
 
 def braking_s(machine: MachineProfile, axis: AxisName) -> float:

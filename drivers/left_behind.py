@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from drivers.lengths import motor_of
+from drivers.pmac.analysis.findings import Value
+from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.snapshot import AxisName, Snapshot
 from profiles.friction import ASSUMED_FRICTION_N
@@ -22,7 +25,8 @@ BEHIND = "fatal_following_error"
 def left_behind(machine: MachineProfile, before: Snapshot | None, seen: Snapshot) -> tuple[Problem, ...]:
     """Return how far each axis was behind that has tripped; `before` is the poll before the one that saw it.
 
-    A controller that opens a loop commands it to where it is: the poll that sees the trip says nothing any more.
+    A controller that opens a loop sets the command to the actual position, so the poll that shows the trip no
+    longer shows the error.
     """
     return tuple(
         _of_axis(machine, axis, [each for each in (before, seen) if each is not None])
@@ -32,30 +36,26 @@ def left_behind(machine: MachineProfile, before: Snapshot | None, seen: Snapshot
 
 
 def tripping_friction_n(machine: MachineProfile) -> float:
-    """Return the dry friction that trips the tool where it turns round behind a rest, N."""
+    """Return the dry friction, N, at which the tool trips on reversal after a standstill."""
     steady = replace(machine, tool=replace(machine.tool, gain_ki_v_per_m_s=0.0))
     compliance_um_per_n = abs(complex(tool_compliance_um_per_n(steady, 0.0)))
     return _limit_counts(machine, machine.tool.motor) * machine.tool.count_um / (2.0 * compliance_um_per_n)
 
 
 def _of_axis(machine: MachineProfile, axis: AxisName, polls: list[Snapshot]) -> Problem:
-    motors = {
-        AxisName.TOOL: machine.tool.motor,
-        AxisName.SPINDLE: machine.spindle.motor,
-        AxisName.CARRIAGE: machine.carriage.motor,
-    }
-    motor, behind = motors[axis], max(abs(poll.axis(axis).following_error) for poll in polls)
+    motor = motor_of(machine, axis)
+    behind = max(abs(poll.axis(axis).following_error) for poll in polls)
     limit = _limit_counts(machine, motor)
-    if axis is AxisName.SPINDLE:
-        turn = 360.0 / machine.spindle.counts_per_rev
-        said = f"{behind * turn:.3g} deg", f"{limit * turn:.3g} deg (I{motor}11)"
-        return Problem(code="machine.left_behind", key=axis, value=said[0], limit=said[1])
-    count_um = machine.tool.count_um if axis is AxisName.TOOL else 1000.0 / machine.carriage.counts_per_mm
-    value, allowed = f"{behind * count_um:.0f} um", f"{limit * count_um:.0f} um (I{motor}11)"
-    if axis is AxisName.CARRIAGE:
+    value, allowed = (_told(shown_length(machine, motor, counts)) for counts in (behind, limit))
+    allowed = f"{allowed} (I{motor}11)"
+    if axis is not AxisName.TOOL:
         return Problem(code="machine.left_behind", key=axis, value=value, limit=allowed)
     friction = f"{tripping_friction_n(machine):.1f} N"
     return Problem(code="machine.tool_left_behind", where=friction, key=_ASSUMED, value=value, limit=allowed)
+
+
+def _told(length: dict[str, Value]) -> str:
+    return f"{length['length']:.3g} {length['unit']}"
 
 
 _ASSUMED = f"{ASSUMED_FRICTION_N:g} N"

@@ -72,6 +72,11 @@ class Job:
         return self.diameter_mm / 2
 
     @property
+    def finished_radius_mm(self) -> float:
+        """The mean radius after the cut."""
+        return self.radius_mm - self.depth_of_cut_mm
+
+    @property
     def lobe_amplitude_um(self) -> float:
         """Half of the peak-to-peak error: A1 of Eq 7."""
         return self.lobe_error_um_pp / 2

@@ -47,7 +47,7 @@ class PartWaves:
     against_spindle: bool
     begins_deg: float
     filter_upr: float
-    radius_mm: float | None = None
+    radius_mm: float
     reasons: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -102,7 +102,7 @@ def part_waves(
         against_spindle=header.against_spindle,
         begins_deg=begins_deg,
         filter_upr=filter_upr,
-        radius_mm=header.radius_mm or job.radius_mm - job.depth_of_cut_mm,
+        radius_mm=header.radius_of(job),
         reasons=tuple(reasons),
         warnings=found.warnings,
     )

@@ -114,23 +114,17 @@ def _evaluated(
     if header.turns > 1:
         turns = several_turns(angle_deg, deviation_um, header.turns)
         angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
+    radius_mm = header.radius_mm if job is None else header.radius_of(job)
     result = evaluate(
         angle_deg,
         deviation_um,
         filter_upr,
         state=header.state,
-        radius_mm=_radius_mm(header, job) if options.vblock is None else None,
+        radius_mm=radius_mm if options.vblock is None else None,
         above_upr=above_upr,
         robust=options.robust,
     )
     return turns, result
-
-
-def _radius_mm(header: TraceHeader, job: Job | None) -> float | None:
-    """Return the radius of the part: what its trace states, else that of its job."""
-    if header.radius_mm is not None or job is None:
-        return header.radius_mm
-    return job.radius_mm - job.depth_of_cut_mm
 
 
 def _refuse_method(header: TraceHeader, options: Namespace, where: str) -> None:

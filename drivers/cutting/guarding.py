@@ -104,8 +104,9 @@ def end_problems(plan: CutPlan, end: ProgramEnd, length: CutLength, *, held: boo
         return ()
     if not end.finished and not end.stopped_by and length.problem is None:
         return (Problem(code="cut.disturbed"),)
-    clear = plan.setup.turns_clear  # told are the turns in the part, as they are shown while it is cut
-    value, limit = (f"{max(turns - clear, 0.0):.0f}" for turns in (end.turns, plan.setup.turns))
+    whole, clear = plan.setup.turns, plan.setup.turns_clear
+    # Told are the turns in the part, as they are shown while it is cut; a program counts begun ones.
+    value, limit = (f"{max(turns - clear, 0.0):.0f}" for turns in (min(end.turns, whole), whole))
     early = Problem(code="cut.ended_early", value=value, limit=limit)
     return (early, *_reason(end, length, held=held))
 

@@ -51,9 +51,8 @@ class PathSeen:
     def __init__(self, plan: CutPlan, machine: MachineProfile) -> None:
         self._plan, self._machine = plan, machine
         setup = plan.setup
-        face = 2.0 * setup.carriage_middle - (plan.carriage_start + setup.carriage_counts)
         # Clear of the part nothing bends the tool: there it is on another path, and the first turn is on neither.
-        self._clear = face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        self._clear = setup.carriage_face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
         # A tool that dry friction holds has not reached its path where the feed begins; a turn in air it may have.
         self._first = plan.carriage_start + setup.carriage_per_turn
         self._in_part = self._clear + setup.carriage_per_turn

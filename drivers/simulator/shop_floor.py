@@ -64,7 +64,7 @@ class ShopFloor:
         self._past_middle_mm = tuple(share * job.cut_length_mm for share in SECTIONS)
         sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
         self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
-        self._nominal_radius_mm = job.radius_mm - job.depth_of_cut_mm
+        self._nominal_radius_mm = job.finished_radius_mm
         self._torque_n_m = cutting_torque_n_m(job)
         self._watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
         if self._load is not None:

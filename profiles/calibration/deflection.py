@@ -36,7 +36,7 @@ _WORST_CONDITION = 100.0
 """Above this ratio of singular values (of columns of length 1) the parameters can be traded for each other."""
 
 _AS_LIKELY = 2.0
-"""Loss of log-likelihood up to which the other kind of scatter is about as likely."""
+"""Loss of log-likelihood up to which the other kind of scatter is about as likely: a choice, as in `wrench`."""
 
 _STARTS_MM = (10.0, 20.0, 40.0, 80.0, 160.0)
 _START_ALPHA = 0.4

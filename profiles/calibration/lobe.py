@@ -177,7 +177,7 @@ def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:
     if fit.left_um > UNDECLARED * fit.floor_um:
         value, limit = f"{fit.left_um:.3g} um", f"{fit.floor_um:.3g} um"
         yield Problem(code="lobe.undeclared", key=str(fit.left_n), value=value, limit=limit)
-    oval_um = seen_oval_um_pp(fit.wave(1).amplitude_um, header.radius_mm or job.radius_mm - job.depth_of_cut_mm)
+    oval_um = seen_oval_um_pp(fit.wave(1).amplitude_um, header.radius_of(job))
     if fit.jaws == OVAL and oval_um > MOST_BIAS * fit.error_um_pp:
         value, limit = f"{fit.wave(1).amplitude_um:.3g} um", f"{oval_um:.3g} um"
         yield Problem(code="lobe.off_axis", value=value, limit=limit)

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from profiles.files import printable
+from profiles.job import Job
 from profiles.problem import Problem
 
 DIRECTIONS = ("spindle", "cw", "ccw")
@@ -57,6 +58,10 @@ class TraceHeader:
     def against_spindle(self) -> bool:
         """Whether the angles run the other way round the part than those of the spindle."""
         return self.direction == "ccw"
+
+    def radius_of(self, job: Job) -> float:
+        """Return the radius of the part, mm: what the trace states, else that of its job after the cut."""
+        return job.finished_radius_mm if self.radius_mm is None else self.radius_mm
 
     def jaw_1_of(self, spindle_deg: float | None) -> float | None:
         """Return the angle of jaw 1 in the angles of the trace, None where it is unknown.

@@ -73,10 +73,14 @@ class CutSetup:
         return self.carriage_counts / self.carriage_per_turn
 
     @property
+    def carriage_face(self) -> float:
+        """Where the middle of the tool is at the face of the part, counts."""
+        return 2.0 * self.carriage_middle - (self.carriage_start + self.carriage_counts)
+
+    @property
     def turns_clear(self) -> float:
-        """So many of them are over before the tool meets the face of the part."""
-        face = 2.0 * self.carriage_middle - (self.carriage_start + self.carriage_counts)
-        return (face - self.carriage_start) / self.carriage_per_turn
+        """Turns of the feed before the tool reaches the face of the part."""
+        return (self.carriage_face - self.carriage_start) / self.carriage_per_turn
 
     @property
     def whole_turns(self) -> int:
