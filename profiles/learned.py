@@ -71,6 +71,11 @@ class LearnedCompensation:
     reverts: int | None = None
     expected_ront_um: float | None = None
 
+    @property
+    def is_model(self) -> bool:
+        """Whether this version is the model once more, with nothing learned."""
+        return self.reverts == MODEL
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
@@ -94,7 +99,7 @@ def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedP
     rest.
     """
     part = learned.part
-    if part is None or learned.reverts == MODEL:
+    if part is None or learned.is_model:
         return None
     taken_um = share * learned.path.wanted.waves[0].coefficient
     left = Wave.of(part.lobe.lobes, part.lobe.coefficient + part.wanted.coefficient - taken_um)

@@ -27,7 +27,7 @@ from profiles.problem import Problem
 
 WIDTH = 80
 CAP_BYTES = 1_000_000
-"""As much as a card keeps of programs; each of its moves costs a kilobyte while it is judged."""
+"""As much program text as a controller keeps; each move costs a kilobyte while it is checked."""
 MOST_RANGES = 4
 """Places that a finding names in its line; --json has them all."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from typing import Any, TextIO
 
 from console.text.escaping import encodable, escaped
@@ -19,7 +20,7 @@ class EscapedOutput:
         self._stream.write(encodable(escaped(text), self._stream.encoding))
         return len(text)
 
-    def writelines(self, lines: Any) -> None:
+    def writelines(self, lines: Iterable[str]) -> None:
         """Write several texts."""
         for line in lines:
             self.write(line)

@@ -23,7 +23,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.compensation import CutPath
 from profiles.files import printable
 from profiles.job import Job
-from profiles.learned import MODEL, LearnedCompensation, differences
+from profiles.learned import LearnedCompensation, differences
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.response import ServoResponse
@@ -107,7 +107,7 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simul
         newest = accepted(job, machine, data_of(options), simulated=simulated)
     except ProblemError as error:
         return tuple(error.problems)  # a cut without them does not need them
-    if newest is None or newest.reverts == MODEL:
+    if newest is None or newest.is_model:
         return ()
     strategy = newest.holds_for.strategy
     if differences(newest, asked_for(job, machine, strategy, simulated=simulated)):

@@ -15,7 +15,7 @@ from console.session.work import Work
 from drivers.cut import Strategy
 from profiles.compensation import CutPath
 from profiles.job import Job
-from profiles.learned import MODEL, LearnedCompensation, differences
+from profiles.learned import LearnedCompensation, differences
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
@@ -106,9 +106,11 @@ def using(work: Work, version: LearnedCompensation) -> Work:
 def without_learned(work: Work) -> Work:
     """Return the work with the model again; a version that was learned is set aside, which is said."""
     learned = work.compensation
-    aside = learned is not None and learned.reverts != MODEL
-    said = (Problem(code="learned.set_aside", key=str(learned.version)),) if learned and aside else ()
-    return replace(work, compensation=None, set_aside=said)
+    if learned is None or learned.is_model:
+        return replace(work, compensation=None, set_aside=())
+    return replace(
+        work, compensation=None, set_aside=(Problem(code="learned.set_aside", key=str(learned.version)),)
+    )
 
 
 def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:

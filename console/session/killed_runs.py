@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import time
 from pathlib import Path
 
+from console.session.dates import utc_now
 from console.session.errors import SessionError
-from console.session.record_file import FILE_NAME, is_damage, now_utc, opened, patiently, record_error
+from console.session.record_file import FILE_NAME, is_damage, opened, patiently, record_error
 from console.session.running import left_runs
 from profiles.files import printable
 from profiles.problem import Problem
@@ -32,7 +34,7 @@ def killed_runs(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, 
     """
     if not (data / FILE_NAME).exists():
         return ()
-    database = opened(data, PATIENCE_S)
+    database = opened(data, time.monotonic() + PATIENCE_S)
     try:
         with left_runs(data) as marks:
             ended = [each for mark in marks for each in _ended(database, mark, machine, simulated=simulated)]
@@ -62,8 +64,8 @@ def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated:
         return []
     kinds = {kind for (kind,) in database.execute(_KINDS, (run_id,))}
     if not kinds & _ENDED:
-        end = (run_id, now_utc(), json.dumps({"reason": "killed"}), run_id)
-        patiently(lambda: database.execute(_END, end), PATIENCE_S)
+        end = (run_id, utc_now(), json.dumps({"reason": "killed"}), run_id)
+        patiently(lambda: database.execute(_END, end), time.monotonic() + PATIENCE_S)
     mark.unlink(missing_ok=True)
     if kinds & _ENDED or not kinds & _BEGUN:
         return []

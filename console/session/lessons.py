@@ -11,7 +11,7 @@ from console.session.alignment import Alignment, JawAngle, aligned_job
 from console.session.errors import SessionError
 from console.session.identified_response import response_in
 from console.session.learned_store import NEWEST, asked_for, chosen, date_problems, versions
-from console.session.made_parts import AS_FILED, CUT_JAW, INVERTED, MadeWith, made_with, parts_made
+from console.session.made_parts import AS_FILED, CUT_JAW, INVERTED, MadeWith, cuts_of, made_with, parts_made
 from console.session.made_parts import MODEL as MADE_BY_MODEL
 from console.session.made_parts import date_problems as cut_date_problems
 from console.session.run import FILTER_UPR
@@ -93,11 +93,12 @@ def taught(
         said = {**said, "compensation": str(known[-1].version)}
     if identified is not None:
         said = {**said, INVERTED: printable(identified.name)}
-    made = made_with(said, trace.meta, parts_made(data, asked))
+    cuts = cuts_of(data, asked)
+    made = made_with(said, trace.meta, parts_made(cuts))
     found = taught_by(
         trace, job, machine, data, made, identified, gain=gain, robust=robust, date=date, extra=extra
     )
-    return replace(found, warnings=(*cut_date_problems(data, asked), *found.warnings))
+    return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
 
 def taught_by(

@@ -25,6 +25,9 @@ ORDER BY events.rowid DESC
 """By row, which is the order in which they were added: a clock may have been set back meanwhile."""
 
 
+Cut = tuple[str, str, str]
+"""Kind, data and date of a cut, as the run record has them."""
+
 INVERTED, MODEL = "inverted", "model"
 
 CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
@@ -98,30 +101,26 @@ def _other(key: str, value: str, limit: str) -> SessionError:
     return SessionError(Problem(code="learned.other_version", key=key, value=value, limit=limit))
 
 
-def parts_made(folder: Path, asked: HoldsFor) -> list[MadeWith | None]:
-    """Return how the parts of this job on this machine were cut, newest first, None where the record does not say.
-
-    Raises:
-        SessionError: `record.unreadable`, `record.other_schema`.
-    """
-    return [made for kind, data, _ in _cuts(folder, asked) for made in _made(kind, data)]
+def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
+    """Return how the parts of these cuts were made, None where the record does not say."""
+    return [made for kind, data, _ in cuts for made in _made(kind, data)]
 
 
-def date_problems(folder: Path, asked: HoldsFor) -> tuple[Problem, ...]:
-    """Return `record.date_ahead` where a cut of this job on this machine is dated in the future: the last of them.
-
-    Raises:
-        SessionError: `record.unreadable`, `record.other_schema`.
-    """
+def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
+    """Return `record.date_ahead` where a cut of a job is dated in the future: the first of them."""
     now = utc_now()
-    found = next((at_utc for _, _, at_utc in _cuts(folder, asked) if is_ahead(at_utc, now)), None)
+    found = next((at_utc for _, _, at_utc in cuts if is_ahead(at_utc, now)), None)
     if found is None:
         return ()
-    return (Problem(code="record.date_ahead", key=asked.job, value=printable(found, 60), limit=now),)
+    return (Problem(code="record.date_ahead", key=job, value=printable(found, 60), limit=now),)
 
 
-def _cuts(folder: Path, asked: HoldsFor) -> list[tuple[str, str, str]]:
-    """Return kind, data and date of the cuts of this job on this machine, the last one first."""
+def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
+    """Return the cuts of this job on this machine, the last one first.
+
+    Raises:
+        SessionError: `record.unreadable`, `record.other_schema`.
+    """
     import sqlite3
 
     from console.session.record_file import FILE_NAME, record_error, rows

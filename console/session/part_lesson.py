@@ -11,7 +11,7 @@ from console.session.errors import SessionError
 from console.session.learned_store import store, versions
 from console.session.lessons import Taught, reverted, taught_by
 from console.session.made_parts import MadeWith
-from profiles.learned import MODEL, LearnedCompensation
+from profiles.learned import LearnedCompensation
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 from profiles.traces import Trace
@@ -75,7 +75,7 @@ def revert(
         SessionError: `learned.no_before`, the model is used; as `reverted`.
         ProfileError: as `store`, nothing was kept; versions that cannot be read.
     """
-    if used is None or used.reverts == MODEL:
+    if used is None or used.is_model:
         raise SessionError(Problem(code="learned.no_before", key=job.job.name))
     older = reverted(
         used.parent,

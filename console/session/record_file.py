@@ -5,7 +5,6 @@ from __future__ import annotations
 import sqlite3
 import time
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,10 +42,10 @@ _TABLES = (
 _BUSY = frozenset((sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL))
 
 
-def opened(folder: Path, patience_s: float) -> sqlite3.Connection:
+def opened(folder: Path, until_s: float) -> sqlite3.Connection:
     """Open the records in a folder for writing; both are made where they are missing.
 
-    Other writers are waited for as long as `patience_s`.
+    Other writers are waited for until then, in the time of `time.monotonic`.
 
     Raises:
         SessionError: `record.other_schema`, of a newer console, or none of ours; `record.damaged`; nothing was
@@ -60,9 +59,9 @@ def opened(folder: Path, patience_s: float) -> sqlite3.Connection:
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
-        patiently(lambda: _made_ready(database, path), patience_s)
+        patiently(lambda: _made_ready(database, path), until_s)
         # The journal is what the records need to be: a kill at any instant leaves them whole.
-        patiently(lambda: database.execute("PRAGMA journal_mode=WAL"), patience_s)
+        patiently(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
     except sqlite3.Error as error:
         database.close()
         code = "record.damaged" if is_damage(error) else "record.unwritable"
@@ -91,18 +90,12 @@ def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -
         database.close()
 
 
-def now_utc() -> str:
-    """Return the date of a line."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
-
-
-def patiently(work: Callable[[], Result], patience_s: float) -> Result:
-    """Do something with a database that others work with; wait for them also where SQLite would not.
+def patiently(work: Callable[[], Result], until_s: float) -> Result:
+    """Do something with a database that others work with; wait for them until then, also where SQLite would not.
 
     Raises:
         sqlite3.Error: what went wrong, or they took longer.
     """
-    until_s = time.monotonic() + patience_s
     while True:
         try:
             return work()

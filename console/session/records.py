@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
+import time
 import uuid
 from collections.abc import Mapping
 from pathlib import Path
 
-from console.session.record_file import FILE_NAME, now_utc, opened, patiently, record_error
+from console.session.dates import utc_now
+from console.session.record_file import FILE_NAME, opened, patiently, record_error
 from console.session.running import RunMark
 
 OPEN_PATIENCE_S = 30.0
@@ -45,7 +47,8 @@ class RunRecord:
         self.run_id = uuid.uuid4().hex
         self._count = 0
         self._patience_s = patience_s
-        self._database = opened(folder, open_patience_s)
+        until_s = time.monotonic() + open_patience_s
+        self._database = opened(folder, until_s)
         try:
             self._mark = RunMark(folder, self.run_id)
         except OSError as error:
@@ -54,8 +57,8 @@ class RunRecord:
         try:
             columns = ", ".join(("run_id", "started_utc", *run))
             marks = ", ".join("?" * (2 + len(run)))
-            row = (self.run_id, now_utc(), *run.values())
-            self._insert(f"INSERT INTO runs ({columns}) VALUES ({marks})", row, open_patience_s)
+            row = (self.run_id, utc_now(), *run.values())
+            self._insert(f"INSERT INTO runs ({columns}) VALUES ({marks})", row, until_s)
             self._files = self._on_disk()
             if self._files[0] is None:
                 raise OSError(GONE)
@@ -70,9 +73,9 @@ class RunRecord:
             SessionError: `record.lost`; the run is not to go on unrecorded.
         """
         self._count += 1
-        row = (self.run_id, self._count, now_utc(), kind, _text(data))
+        row = (self.run_id, self._count, utc_now(), kind, _text(data))
         try:
-            self._insert("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row, self._patience_s)
+            self._insert("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row, time.monotonic() + self._patience_s)
         except sqlite3.Error as error:
             raise record_error("record.lost", self._path, error) from error
         self.refuse_lost()
@@ -92,8 +95,8 @@ class RunRecord:
         self._database.close()
         self._mark.close()
 
-    def _insert(self, line: str, row: tuple[object, ...], patience_s: float) -> None:
-        patiently(lambda: self._database.execute(line, row), patience_s)
+    def _insert(self, line: str, row: tuple[object, ...], until_s: float) -> None:
+        patiently(lambda: self._database.execute(line, row), until_s)
 
     def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
         """Return device and inode of the database and of its journal, in which the last lines are."""

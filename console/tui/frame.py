@@ -144,9 +144,8 @@ def pages_row(frame: Frame, width: int) -> list[Line]:
     for number, page in enumerate(PageName, start=1):
         name = f" {number} {frame.text(f'page.{page}')} "
         pieces.append((name, Token.SELECTED if page is frame.page else Token.DIM))
-    room = max(width - width_of(tuple(pieces)) - 1, 0)
-    name = name_in(frame.job, room)
-    return [(*pieces, dim(" " * (room - cell_len(name))), (f"{name} "[: room + 1], Token.STRONG))]
+    name = name_in(frame.job, max(width - width_of(tuple(pieces)) - 1, 0))
+    return [ranged(tuple(pieces), ((f"{name} ", Token.STRONG),), width)]
 
 
 def next_row(frame: Frame, width: int) -> list[Line]:

@@ -7,7 +7,6 @@ larger. Jaw length and contacts are those of the machine profile, assumed there.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +17,7 @@ from profiles.chucking.reaction import Reaction, amplification, eq3_um, forced_h
 from profiles.chucking.ring import Ring, spring_back_um_pp
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
-from profiles.paper.record import Basis, Curve, Figure, Record, Relation, Section
+from profiles.paper.record import Curve, Figure, Record, Relation, Section, constructed
 
 FloatArray = NDArray[np.float64]
 
@@ -95,20 +94,24 @@ def _fig_3(machine: MachineProfile) -> tuple[Record, ...]:
     low, high = (_FIG_3_N / bar_um(machine, 65.0, _FAR_MM, _FIG_3_N, each, TURN_DEG) for each in CHUCKING_N)
     first, second = (float(TURN_DEG[low[span].argmax() + span.start]) for span in (slice(0, 60), slice(60, 180)))
     return (
-        _by_the_contacts(name="fig3.stiffest", ours=first, unit="deg", at="1", expected=0.0, tolerance=0.5),
-        _by_the_contacts(name="fig3.stiffest", ours=second, unit="deg", at="2", expected=120.0, tolerance=0.5),
+        _by_the_contacts(_stiffest(first, "1", 0.0)),
+        _by_the_contacts(_stiffest(second, "2", 120.0)),
         _more("fig3.force", float(high.mean() / low.mean())),
         _more("fig3.range", float(low.max() / low.min())),
     )
 
 
-def _by_the_contacts(**said: Any) -> Record:
+def _by_the_contacts(record: Record) -> Record:
     """Return a record that three contacts which stiffen with their load make true, however much they do."""
-    return Record(basis=Basis.CONSTRUCTION, why="stiffening", **said)
+    return constructed(record, "stiffening")
+
+
+def _stiffest(ours_deg: float, at: str, expected_deg: float) -> Record:
+    return Record(name="fig3.stiffest", ours=ours_deg, unit="deg", at=at, expected=expected_deg, tolerance=0.5)
 
 
 def _more(name: str, ours: float) -> Record:
-    return _by_the_contacts(name=name, ours=ours, expected=1.0, relation=Relation.ABOVE)
+    return _by_the_contacts(Record(name=name, ours=ours, expected=1.0, relation=Relation.ABOVE))
 
 
 def _fig_4_and_5(machine: MachineProfile) -> tuple[Record, ...]:
@@ -124,7 +127,7 @@ def _fig_4_and_5(machine: MachineProfile) -> tuple[Record, ...]:
 
     contacts = {"stiffness_n_per_um": holding_of(machine).stiffness_n_per_um, "force_n": REFERENCE_FORCE_N}
     return (
-        _by_the_contacts(name="fig4.waves", ours=float(waves.argmax()), expected=3.0),
+        _by_the_contacts(Record(name="fig4.waves", ours=float(waves.argmax()), expected=3.0)),
         Record(name="fig4.variation", ours=float(np.ptp(fig_4)), unit="um", why="contact", facts=contacts),
         _more("fig5.load", float(by_load[-1] / by_load[0])),
         Record(

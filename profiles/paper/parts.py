@@ -9,7 +9,7 @@ import numpy as np
 from profiles.compensation import compensated_depth_um, removed_depth_um, spindle_speed_rpm
 from profiles.paper.experiments import COMPENSATED_UM, CONCLUDED_UM, Experiments
 from profiles.paper.prog_1 import SINE, Ramps, fundamental_share, stroke_share, zigzag
-from profiles.paper.record import Basis, Curve, Figure, Record, Section
+from profiles.paper.record import Curve, Figure, Record, Section, constructed
 from profiles.paper.residual import Servo, ideal_servo, left_by_compliance_um_pp, left_um, left_um_pp
 from profiles.paper.table_5 import measured_response
 from profiles.roundness import evaluate
@@ -65,16 +65,8 @@ def _path(paper: Experiments) -> tuple[Record, ...]:
 
 def _put_in(name: str, ours: float, unit: str, expected: float, at: str = "", tolerance: float = 1e-9) -> Record:
     """Return a record of what the paper's own numbers were put in for."""
-    return Record(
-        name=name,
-        at=at,
-        ours=ours,
-        unit=unit,
-        expected=expected,
-        tolerance=tolerance,
-        basis=Basis.CONSTRUCTION,
-        why="put_in",
-    )
+    record = Record(name=name, at=at, ours=ours, unit=unit, expected=expected, tolerance=tolerance)
+    return constructed(record, "put_in")
 
 
 def _prog_1(paper: Experiments) -> tuple[Record, ...]:

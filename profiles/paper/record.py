@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -74,6 +74,11 @@ class Record:
         if self.relation is Relation.OTHER:
             return abs(self.ours - self.expected) > self.tolerance
         return math.isclose(self.ours, self.expected, rel_tol=1e-12, abs_tol=self.tolerance)
+
+
+def constructed(record: Record, why: str) -> Record:
+    """Return a record that is true by construction, and why."""
+    return replace(record, basis=Basis.CONSTRUCTION, why=why)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

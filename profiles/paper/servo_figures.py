@@ -138,13 +138,15 @@ def _rows(
             basis=basis,
         )
 
-    off, gain_um = 2 * table_5.WEIGHT, 2 * table_5.WEIGHT * table_5.COMMAND_UM_PP
+    phase_tolerance_rad = 2 * table_5.WEIGHT
+    amplitude_tolerance_um = phase_tolerance_rad * table_5.COMMAND_UM_PP
 
     rows = []
     for i, hz in enumerate(table_5.FREQUENCIES_HZ):
         at, loss_um = f"{hz:g} Hz", table_5.COMMAND_UM_PP * (1 - abs(met[i]))
-        rows.append(of("amplitude", at, loss_um, "um", table_5.AMPLITUDE_ERROR_UM[i], gain_um))
-        rows.append(of("phase", at, -float(np.angle(met[i])), "rad", table_5.PHASE_ERROR_RAD[i], off))
+        rows.append(of("amplitude", at, loss_um, "um", table_5.AMPLITUDE_ERROR_UM[i], amplitude_tolerance_um))
+        late_rad = -float(np.angle(met[i]))
+        rows.append(of("phase", at, late_rad, "rad", table_5.PHASE_ERROR_RAD[i], phase_tolerance_rad))
     return tuple(rows)
 
 

@@ -7,7 +7,6 @@ paper's; it stands in the records with its tolerance. Those of the lathe are rea
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -18,7 +17,6 @@ from profiles.paper import acceptance
 from profiles.paper.experiments import Experiments, lee_2001
 from profiles.paper.record import Record, Relation
 from tests.acceptance.document import TEXT, compare_block, table_lines
-from tests.compact import close_together
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -75,16 +73,6 @@ def paper() -> Experiments:
     return lee_2001()
 
 
-BY_THE_WHOLE_LATHE = (5, 9)
-"""What its integrator and its friction still know of the long ways shows in the digits of the document."""
-
-
-def lathe_for(number: int) -> Experiments:
-    """The experiments; on a lathe with everything close together, where that is the same number."""
-    machine = paper().machine
-    return paper() if number in BY_THE_WHOLE_LATHE else replace(paper(), machine=close_together(machine))
-
-
 @cache
 def by_formula() -> tuple[Record, ...]:
     return acceptance.section(paper()).records
@@ -94,7 +82,7 @@ def by_formula() -> tuple[Record, ...]:
 def test_the_number_comes_out(number: int) -> None:
     records = [record for record in by_formula() if record.number == number]
     if number in NUMBERS:
-        records += NUMBERS[number](lathe_for(number))
+        records += NUMBERS[number](paper())
     assert records
     assert {record.number for record in records} == {number}
     assert [row for row, record in zip(rows(records, TEXT), records, strict=True) if record.holds is False] == []

@@ -19,7 +19,7 @@ from console.session.calibrated_chuck import calibrated
 from console.session.calibrations import Calibration
 from console.session.history import last_results
 from console.session.learned_store import asked_for
-from console.session.made_parts import parts_made
+from console.session.made_parts import cuts_of, parts_made
 from console.session.paths import data_folder
 from console.session.records import RunRecord
 from drivers.errors import DriverError
@@ -198,7 +198,7 @@ def test_an_event_with_any_value_is_a_part_or_none(tmp_path: Path) -> None:
         record.add(kind, good)
     record.close()
     assert last_results(tmp_path, simulated=True)["ring"].ront_um == 2.0
-    made = parts_made(tmp_path, asked_for(JOB, MACHINE, "", simulated=True))
+    made = parts_made(cuts_of(tmp_path, asked_for(JOB, MACHINE, "", simulated=True)))
     assert made[0] is not None and made[0].compensation == "3"
 
 

@@ -25,7 +25,7 @@ from console.session.intents import (
     TakeTouchOff,
 )
 from console.session.learned_store import asked_for, store
-from console.session.made_parts import parts_made
+from console.session.made_parts import cuts_of, parts_made
 from console.session.part_lesson import PartLesson, accept, lesson_of, revert
 from console.session.progress import CutStage
 from console.session.stages import Stage, nominal_path
@@ -216,7 +216,7 @@ def test_a_cut_in_air_leaves_the_blank_as_it_was(shop: Shop) -> None:
     shop.floor.do(Measure())
     assert [problem.code for problem in shop.floor.state.refusals] == ["session.nothing_cut"]
     asked = asked_for(shop.job, shop.machine, Strategy.CAM, simulated=True)
-    assert parts_made(shop.data, asked) == []
+    assert parts_made(cuts_of(shop.data, asked)) == []
     assert shop.armed(stage=Stage.PARTIAL).made.stage == "partial"
 
 

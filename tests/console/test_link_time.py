@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from console.session.link_time import KEPT_S, LinkTime, rounded_up_ms
 
-ANSWERS_S = st.lists(st.floats(0.0002, 0.09), min_size=2, max_size=300)
-POLL_S = 0.05
+ANSWERS_S = st.lists(st.floats(0.0002, 0.09), min_size=2, max_size=60)
+POLL_S = 0.5
+"""Exact in binary, and ten of them are the time that is kept."""
 
 
 @given(ANSWERS_S)

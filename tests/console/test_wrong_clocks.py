@@ -13,7 +13,7 @@ from console.session import records
 from console.session.dates import is_ahead
 from console.session.history import last_results
 from console.session.learned_store import asked_for
-from console.session.made_parts import date_problems, parts_made
+from console.session.made_parts import cuts_of, date_problems, parts_made
 from console.session.records import RunRecord
 from console.text.catalogue import load
 from profiles.store import load_job, load_machine
@@ -85,7 +85,7 @@ def test_a_calibration_that_was_named_by_its_date_comes_before_all_with_a_number
 
 def record_cut(data: Path, monkeypatch: pytest.MonkeyPatch, at: str, compensation: int | None) -> None:
     """Add a run of the job to the record, at that time of 30 November 2001."""
-    monkeypatch.setattr(records, "now_utc", lambda: f"2001-11-30T{at}:00.000+00:00")
+    monkeypatch.setattr(records, "utc_now", lambda: f"2001-11-30T{at}:00.000+00:00")
     run = RunRecord(
         data,
         {
@@ -111,9 +111,9 @@ def test_a_part_is_of_the_cut_that_was_recorded_last_though_the_clock_was_set_ba
     record_cut(data, monkeypatch, LATE, None)
     record_cut(data, monkeypatch, EARLY, 3)
     asked = asked_for(JOB, MACHINE, "", simulated=True)
-    assert [made and made.compensation for made in parts_made(data, asked)] == ["3", "none"]
+    assert [made and made.compensation for made in parts_made(cuts_of(data, asked))] == ["3", "none"]
     assert last_results(data, simulated=True)[JOB.job.name].ront_um == 2.0
-    assert date_problems(data, asked) == ()
+    assert date_problems(cuts_of(data, asked), asked.job) == ()
 
 
 def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +121,7 @@ def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: pytest.MonkeyPa
     record_cut(data, monkeypatch, EARLY, 3)
     asked = asked_for(JOB, MACHINE, "", simulated=True)
     monkeypatch.setattr("console.session.made_parts.utc_now", lambda: "2001-11-29T10:00:00Z")
-    (told,) = date_problems(data, asked)
+    (told,) = date_problems(cuts_of(data, asked), asked.job)
     assert (told.code, told.value) == ("record.date_ahead", "2001-11-30T10:00:00.000+00:00")
     assert "2001-11-30T10:00" in load("en").problem(told)
 

@@ -226,7 +226,7 @@ def fixed_world() -> Iterator[None]:
         return replace(load_job(where), sha256=SHA256)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(records, "now_utc", lambda: "2025-12-30T09:15:00.000+00:00")
+        patch.setattr(records, "utc_now", lambda: "2025-12-30T09:15:00.000+00:00")
         patch.setattr(jobs, "load_job", signed_job)
         patch.setenv("TZ", "UTC")
         time.tzset()

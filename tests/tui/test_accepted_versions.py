@@ -175,8 +175,8 @@ def test_what_is_expected_of_a_learned_part_is_what_the_part_before_says() -> No
     work = replace(work, preview=replace(work.preview, strategy=Strategy.CAM, taught=told))
     page = shown_on(PreviewPage, READY, work=work)
     (row,) = [row for row in page.text.splitlines() if "▸ cam" in row]
-    assert f" {told.ront_um:.1f} um" in row and "by the part that taught it" in page.text
-    assert "part that taught it" in page.next_step
+    assert f" {told.ront_um:.1f} um" in row and "from the measured part" in page.text
+    assert "from the measured part" in page.next_step
 
 
 def test_the_preview_is_asked_for_with_what_the_part_says_turned_to_where_jaw_1_is() -> None:

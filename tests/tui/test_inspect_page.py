@@ -92,6 +92,13 @@ def harmonics(state: StationState, height: int = 20) -> list[str]:
     return plain(harmonic_lines(seen, load("en"), 40, height)).split("\n")
 
 
+def test_a_machine_without_a_gauge_is_not_said_to_measure() -> None:
+    bare = StationState(cut_done=True)
+    assert "takes its trace" in shown(bare)
+    outside = shown(replace(bare, simulated=False))
+    assert "takes its trace" not in outside and "no gauge" in outside
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
 def test_the_page_holds_both_parts_and_the_verdict(room: tuple[int, int], language: str) -> None:

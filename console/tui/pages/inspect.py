@@ -241,8 +241,18 @@ class InspectPage(Page):
     def _message_lines(self, state: StationState, width: int) -> list[Line]:
         text = self.desk.text
         lines = wrapped(text("inspect_page.nothing"), width)
-        what = text("inspect_page.how_measure") if state.cut_done else text("inspect_page.how_cut")
-        return [*lines, BLANK, *wrapped(what, width), *mark_lines(state.marks_mm, text, width)]
+        what = "how_measure" if state.cut_done else "how_cut"
+        return [
+            *lines,
+            BLANK,
+            *wrapped(text(f"inspect_page.{what}{_where(state)}"), width),
+            *mark_lines(state.marks_mm, text, width),
+        ]
+
+
+def _where(state: StationState) -> str:
+    """Return the ending of words of what is measured here, or elsewhere: only a simulated machine has a gauge."""
+    return "" if state.simulated else "_outside"
 
 
 def _next_word(view: View) -> str:
@@ -253,7 +263,7 @@ def _next_word(view: View) -> str:
     if part is None:
         if state.cut is not None and state.cut.in_air and not state.cut_done:
             return "next_air"
-        return "next_measure" if state.cut_done else "next_cut"
+        return ("next_measure" if state.cut_done else "next_cut") + _where(state)
     if part.strategy is Strategy.NONE:
         return "next_compensate"
     lesson = part.lesson

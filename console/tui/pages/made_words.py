@@ -5,7 +5,6 @@ from __future__ import annotations
 from console.session.state import Armed
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from profiles.learned import MODEL
 
 
 def made_words(text: Catalogue, compensation: str | None, stage: str) -> str:
@@ -19,7 +18,7 @@ def chosen_words(text: Catalogue, work: Work) -> str:
     learned = work.compensation
     if learned is None or learned.reverts is None:
         return made_words(text, None if learned is None else str(learned.version), work.stage)
-    older = text("made.model") if learned.reverts == MODEL else str(learned.reverts)
+    older = text("made.model") if learned.is_model else str(learned.reverts)
     return made_words(text, f"{learned.version} (= {older})", work.stage)
 
 

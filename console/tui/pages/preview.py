@@ -45,7 +45,6 @@ from console.tui.plot.trace_view import Series, TraceView
 from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from drivers.cut import Strategy
-from profiles.learned import MODEL
 from profiles.problem import ProblemError
 from profiles.rules import Finding, Severity
 
@@ -321,7 +320,7 @@ _CHOICES: dict[str, Callable[[Desk], None]] = {
 
 def _band(work: Work, seen: Underway, strategy: Strategy) -> Band | None:
     """Return the band of what is left; there is none of what was learned, of which the model knows nothing."""
-    learned = work.compensation is not None and work.compensation.reverts != MODEL
+    learned = work.compensation is not None and not work.compensation.is_model
     if learned or work.stage == Stage.AIR:
         return None
     return predicted_band(seen, strategy)

@@ -236,7 +236,7 @@ class RunPage(Page):
             case Phase.STOPPED if state.stop is not None:
                 return stop_lines(text, state, facts)
             case Phase.ENDED:
-                return after_lines(text, state, width, checks(state, view.work, machine))
+                return after_lines(text, state, view.work, machine, width)
             case Phase.CUTTING:
                 return []
         moves = [] if state.armed is None else moves_lines(text, state.armed, machine, width)
@@ -384,9 +384,9 @@ class RunPage(Page):
             self._polar.border_title = title
 
     def _show_end(self, cut: CutProgress, view: View) -> None:
-        text, found = self.desk.text, checks(view.state, view.work, self.desk.machine.machine)
+        text, machine = self.desk.text, self.desk.machine.machine
         self._left.show(figure_lines(text, cut, min(self._left.size.width, WIDEST_FACT)))
-        after = after_lines(text, view.state, self._right.size.width, found)
+        after = after_lines(text, view.state, view.work, machine, self._right.size.width)
         self._right.show(clipped(after, self._right.size.height, text("panel.more")))
         self._titled(text("run_page.figures"), text("run_page.what_next"))
 

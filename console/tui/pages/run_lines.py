@@ -249,13 +249,15 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     ]
 
 
-def after_lines(text: Catalogue, state: StationState, width: int, found: tuple[Check, ...] = ()) -> list[Line]:
+def after_lines(
+    text: Catalogue, state: StationState, work: Work | None, machine: MachineProfile, width: int
+) -> list[Line]:
     """Return what comes next after a cut that has ended, where stops have marked the part, and what is missing.
 
-    `found` are the conditions of another cut on the same blank; of one that is cut to its end there is none.
+    What is missing for another cut of the same blank; one that is cut to its end has none.
     """
     marks = mark_lines(text, state.marks_mm, width) if state.marks_mm else []
-    missing = [] if is_over(state) else [check for check in found if check.problems]
+    missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
     rows = check_lines(text, tuple(missing), width)
     return [
         *_next_lines(text, state, width),
