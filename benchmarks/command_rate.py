@@ -24,10 +24,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from benchmarks.measure import extent, print_table, seconds
-from drivers.simulator.connection import Connection, PlainStream
-from drivers.simulator.lag import LagRecord
+from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.real_time import Host, LagRecord, keep_time
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.real_time import Host, keep_time
 from profiles.store import load_machine
 
 MACHINE = "lee-2001-lathe"

@@ -28,19 +28,19 @@ from numpy.typing import NDArray
 
 from benchmarks.hostile_lines import DEEDS, Deed
 from benchmarks.measure import extent, print_table
-from console.session.sequence import Shop, Step, cut_part
-from drivers.cut import CutPlan, Strategy, plan_cut
-from drivers.heartbeat import Heartbeat
-from drivers.lathe import Lathe
+from console.session.cut.sequence import Shop, Step, cut_part
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
-from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.settings import settings_with
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
-from drivers.simulator.shop_floor import SECTIONS, ShopFloor
-from drivers.stop import StopPath
+from drivers.simulator.plant.shop_floor import SECTIONS, ShopFloor
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError

@@ -19,15 +19,15 @@ from pathlib import Path
 from textual.pilot import Pilot
 
 from benchmarks.measure import extent, print_table
-from console.session.outlook import outlook
-from console.session.preview import all_asked, preview, program_of
-from console.session.state import Activity
+from console.session.station.state import Activity
 from console.session.work import edited
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
-from drivers.cut import Strategy
-from profiles.envelope import envelope
-from profiles.servo import eq9_summary
+from drivers.cutting.planning import Strategy
+from drivers.preview.outlook import outlook
+from drivers.preview.preview import all_asked, preview, program_of
+from profiles.axis.envelope import envelope
+from profiles.axis.servo import eq9_summary
 from profiles.store import load_job, load_machine
 from tests.tui.scenes import Scene, application, rows_of, settle
 from tests.tui.scenes import machine as state_of

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.measure import extent, print_table
-from console.session.intents import Start
-from console.session.progress import CutStage
-from console.session.state import StationState
-from drivers.snapshot import Snapshot
+from console.session.station.intents import Start
+from console.session.station.progress import CutStage
+from console.session.station.state import StationState
+from drivers.lathe.snapshot import Snapshot
 from tests.console.floor import experiment_1, open_floor
 from tests.terminal import Terminal
 

@@ -23,9 +23,9 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
 from textual_plotext import PlotextPlot
 
-from console.session.intents import Intent
-from console.session.progress import CutProgress
-from console.session.state import StationState
+from console.session.station.intents import Intent
+from console.session.station.progress import CutProgress
+from console.session.station.state import StationState
 from console.session.work import opened
 from console.text.catalogue import load
 from console.tui.app import TICK_S, ConsoleApp

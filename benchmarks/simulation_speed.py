@@ -15,19 +15,19 @@ from dataclasses import dataclass
 from functools import partial
 
 from benchmarks.measure import extent, print_table, seconds
-from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.gathering.gather import gather_settings
 from drivers.pmac.gathering.gathered_data import motor_channel
 from drivers.pmac.language.text import format_number
 from drivers.pmac.settings import settings_with
-from drivers.simulator.controller import Controller
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.jog_motion import HomeSensor
+from drivers.simulator.card.registers import CardMemory
+from drivers.simulator.card.servo import Axis
 from drivers.simulator.faults.lines import Lines
-from drivers.simulator.home_sensor import HomeSensor
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
-from drivers.simulator.registers import CardMemory
-from drivers.simulator.servo import Axis
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine

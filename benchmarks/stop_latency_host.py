@@ -19,8 +19,8 @@ from datetime import datetime
 from itertools import count
 from pathlib import Path
 
-from console.session.intents import Intent
-from console.session.state import StationState
+from console.session.station.intents import Intent
+from console.session.station.state import StationState
 from console.session.work import opened
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
@@ -28,13 +28,13 @@ from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
 from console.tui.theme import COLOUR
 from drivers.clock import RealClock
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.stop import KILL_ALL, StopPath
 from drivers.link.address import SerialAddress, SimulatedAddress, parse_address
 from drivers.link.base import Link
 from drivers.link.opening import open_link
 from drivers.pmac.client import PmacClient
 from drivers.pmac.gathering.gather_client import DataGathering
-from drivers.stop import KILL_ALL, StopPath
 from profiles.store import load_job, load_machine
 
 MACHINE = "lee-2001-lathe"

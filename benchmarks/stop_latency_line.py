@@ -22,9 +22,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from benchmarks.command_rate import connect, said
+from drivers.lathe.stop import KILL_ALL
 from drivers.link.pace import CHARACTER_BITS as CHARACTER_BITS
 from drivers.pmac.ethernet import Direction, Request, RequestCode
-from drivers.stop import KILL_ALL
 
 CHUNK = 4096
 LONGEST_S = 60.0

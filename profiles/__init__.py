@@ -6,6 +6,30 @@
 the stub beside this file.
 """
 
+_PLACES = {
+    "compensation": "compensations.path",
+    "cut_error": "lobe.cut_error",
+    "cutting": "cutting",
+    "envelope": "axis.envelope",
+    "identification": "axis.identification",
+    "job": "job",
+    "learning": "compensations.learning",
+    "machine": "machine",
+    "materials": "materials",
+    "next_version": "compensations.next_version",
+    "prediction": "lobe.prediction",
+    "problem": "problem",
+    "response": "axis.response",
+    "roundness": "roundness",
+    "rules": "rules",
+    "safe_speed": "axis.safe_speed",
+    "servo": "axis.servo",
+    "store": "store",
+    "tool_stiffness": "axis.tool_stiffness",
+    "traces": "traces",
+}
+"""Each public name and the module behind it."""
+
 __all__ = [
     "compensation",
     "cut_error",
@@ -32,10 +56,10 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Return a module of this package, loaded now."""
-    if name not in __all__:
+    if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     # Not by a statement: a package imports nothing by itself.
-    return getattr(__import__(f"{__name__}.{name}"), name)
+    return __import__(f"{__name__}.{_PLACES[name]}", fromlist=[name])
 
 
 def __dir__() -> list[str]:

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from profiles.axis.tool_stiffness import tool_compliance_um_per_n
 from profiles.chucking.held_part import HeldPart
 from profiles.chucking.ring import THIN_WALL
-from profiles.cutting import (
-    Copying,
-    CuttingForce,
-    copying,
-    nearest_mode,
-)
+from profiles.cutting import Copying, CuttingForce, copying, nearest_mode
+from profiles.lobe.one_pass import width_without_chatter_mm
 from profiles.machine import MachineProfile
-from profiles.one_pass import width_without_chatter_mm
 from profiles.problem import Problem
 from profiles.rules import Finding, Severity
-from profiles.tool_stiffness import tool_compliance_um_per_n
 
 NEAR_BORDER = 0.1
 """Share by which a wall may differ from the border between ring and bar and still be taken for either."""

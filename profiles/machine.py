@@ -10,10 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from profiles.fields import read_fields, schema_problem, spelled, unknown_keys
-from profiles.machine_fields import OPTIONAL_SECTIONS, SECTIONS, TOP_FIELDS, read_assumed, read_variables
-from profiles.machine_signature import signature_gaps
-from profiles.machine_spindle import inverter_problems
+from profiles.fields import is_blank, read_fields, schema_problem, spelled, unknown_keys
+from profiles.machine_fields import (
+    OPTIONAL_SECTIONS,
+    SECTIONS,
+    SIGNED_FOR,
+    TOP_FIELDS,
+    inverter_problems,
+    read_assumed,
+    read_variables,
+)
 from profiles.problem import Problem, ProfileError
 
 _AXES = ("tool", "spindle", "carriage")
@@ -330,3 +336,44 @@ def _half_a_wrench(chuck: Mapping[str, Any], where: str) -> list[Problem]:
     if chuck.get("force_offset_n") is None or chuck.get(slope) is not None:
         return []
     return [Problem(code="key.missing", where=where, key=f"chuck.{slope}", limit="force_offset_n")]
+
+
+MACHINE, SIMULATOR = SIGNED_FOR
+
+
+def is_signature(signed_by: str) -> bool:
+    """Whether a text names somebody: there is a letter in it. Marks and blanks are nobody's word."""
+    return any(character.isalpha() and not is_blank(character) for character in signed_by)
+
+
+def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> list[Problem]:
+    """Return the refusal of a signature that names nobody, or does not say what was signed for.
+
+    Problem codes: `safety.nobody_named`, `key.missing`.
+    """
+    safety = sections.get("safety", {})
+    signed_by, key = safety.get("signed_by"), "safety.signed_by"
+    if not signed_by:
+        return []
+    if not is_signature(signed_by):
+        return [Problem(code="safety.nobody_named", where=where, key=key, value=spelled(signed_by))]
+    if safety.get("signed_for") != "":
+        return []
+    return [Problem(code="key.missing", where=where, key="safety.signed_for", limit=" | ".join(SIGNED_FOR))]
+
+
+def iron_problems(machine: MachineProfile) -> tuple[Problem, ...]:
+    """Return why a profile may not be used on a real link: `safety.signed_for_simulator`.
+
+    A copy of a bundled profile carries its signature along; whoever makes it true signs anew.
+    """
+    if machine.safety.signed_for != SIMULATOR:
+        return ()
+    problem = Problem(
+        code="safety.signed_for_simulator",
+        where=machine.name,
+        key="safety.signed_for",
+        value=machine.safety.signed_for,
+        limit=MACHINE,
+    )
+    return (problem,)

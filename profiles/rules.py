@@ -50,7 +50,7 @@ from profiles.chucking.job_grip import (
 )
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
 from profiles.job import Job
-from profiles.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
+from profiles.lobe.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
@@ -137,7 +137,7 @@ def _chatter(job: Job, machine: MachineProfile, judged: tuple[Finding, ...]) -> 
     impossible = any(finding.problem.code in IMPOSSIBLE for finding in refusals(judged))
     if impossible or material_or_none(job.material) is None:
         return ()
-    from profiles.one_pass import chatter_limit_mm  # loads numerics, and the first page needs none
+    from profiles.lobe.one_pass import chatter_limit_mm  # loads numerics, and the first page needs none
 
     depth_mm, most_mm = job.depth_of_cut_mm, chatter_limit_mm(job, machine)
     return (_at_most("rule.chatter_width", "depth_of_cut_mm", depth_mm, most_mm, "mm", Severity.WARNING),)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-import drivers.cut
+import drivers.cutting.planning
 from tests.remembered import run_through_once
 
 # No deadline and no health check of speed: a loaded machine is not a defect.
@@ -30,7 +30,7 @@ sys.dont_write_bytecode = False
 
 
 # A pure function, asked some hundreds of times for the same few programs.
-drivers.cut.run_through = run_through_once  # type: ignore[attr-defined]
+drivers.cutting.planning.run_through = run_through_once  # type: ignore[attr-defined]
 
 
 def pytest_configure(config: pytest.Config) -> None:

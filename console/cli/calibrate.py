@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 
-from console.session.dates import utc_now
+from console.session.data.dates import utc_now
 from console.text.catalogue import Catalogue
 
 

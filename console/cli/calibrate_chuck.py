@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from console.cli.library import data_of, machine_of
-from console.cli.output import print_json
-from console.cli.warn import tell
-from console.session.calibrated_chuck import refuse_unusable
-from console.session.calibrations import Calibration, date_problems, newest, store
+from console.cli.output import print_json, tell
+from console.session.data.calibrated_chuck import refuse_unusable
+from console.session.data.calibrations import Calibration, date_problems, newest, store
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.deflection import DeflectionFit, fit_deflection

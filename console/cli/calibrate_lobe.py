@@ -9,15 +9,13 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from console.cli.library import data_of, job_of, machine_of
-from console.cli.lobe_place import said_of_place
-from console.cli.output import print_json
-from console.cli.warn import tell
-from console.session.calibrations import Calibration, keep_job, store
+from console.cli.output import print_json, said_of_place, tell
+from console.session.data.calibrations import Calibration, keep_job, store
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe
 from profiles.files import printable, read_regular_file
-from profiles.lobe_fit import LobeFit
+from profiles.lobe.lobe_fit import LobeFit
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from profiles.traces import CAP_BYTES, parse_trace

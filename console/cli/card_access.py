@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.cli.library import address_told, is_real, profile_of
-from console.cli.warn import tell
+from console.cli.output import tell
 from console.text.catalogue import Catalogue
 from drivers.clock import Clock, RealClock
+from drivers.lathe.stop import StopPath
 from drivers.link.address import SimulatedAddress
 from drivers.link.opening import open_link
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
-from drivers.stop import StopPath
 
 if TYPE_CHECKING:
     from drivers.link.base import Link
@@ -68,7 +68,7 @@ def opened_card(options: Namespace, text: Catalogue) -> Iterator[Card]:
 
 @contextmanager
 def _simulated(machine: LoadedMachine) -> Iterator[Link]:
-    from drivers.simulator.process import SimulatorProcess
+    from drivers.simulator.hosts.process import SimulatorProcess
 
     process = SimulatorProcess.start(machine.path)
     try:

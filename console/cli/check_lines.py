@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from console.cli.card_access import Card
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
-from drivers.pmac.configuration.check import Check, Outcome
+from drivers.commissioning.check import Check, Group, Outcome
+from profiles.machine import iron_problems
 
 WIDTH = 80
 
@@ -91,3 +93,19 @@ def _what(check: Check, subject: str, text: Catalogue) -> str:
     if not subject:
         return text("card.what_alone", setting=setting, variable=check.variable)
     return text("card.what", setting=setting, subject=subject, variable=check.variable)
+
+
+def signature_checks(card: Card) -> list[Check]:
+    """Return what fails where the profile of a simulated lathe meets a real link; nothing where all is well."""
+    if card.simulated:
+        return []
+    return [
+        Check(
+            group=Group.SAFETY,
+            code=problem.code.partition(".")[2],
+            outcome=Outcome.FAILS,
+            found=problem.value,
+            wanted=problem.limit,
+        )
+        for problem in iron_problems(card.machine)
+    ]

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from console.cli.library import profile_of
 from console.cli.move_table import move_tables
-from console.cli.output import print_json
-from console.cli.plain_number import PlainNumber
+from console.cli.output import PlainNumber, print_json
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
 from drivers.errors import DriverError

@@ -8,25 +8,24 @@ from datetime import datetime
 from pathlib import Path
 
 from console.cli.card_access import Card, opened_card
-from console.cli.check_lines import check_fields, check_lines, summary
+from console.cli.check_lines import check_fields, check_lines, signature_checks, summary
 from console.cli.library import data_of, refuse_unsigned
 from console.cli.output import print_json
-from console.cli.signature_checks import signature_checks
-from console.session.kept_files import make_folder
+from console.session.data.kept_files import make_folder
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
+from drivers.commissioning.applying import apply, refuse_unready
+from drivers.commissioning.backup_reading import CAP_BYTES, read_backup
+from drivers.commissioning.backup_text import backup_text
+from drivers.commissioning.check import Outcome, worst
+from drivers.commissioning.comparison import differences
+from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.gains import Write, gain_writes
+from drivers.commissioning.judged import Judged
+from drivers.commissioning.reading import read_configuration, whole_card
+from drivers.commissioning.verification import in_order, read_of_machine, verify
 from drivers.errors import RefusedError
-from drivers.ownership import Ownership
-from drivers.pmac.configuration.applying import apply, refuse_unready
-from drivers.pmac.configuration.backup_reading import CAP_BYTES, read_backup
-from drivers.pmac.configuration.backup_text import backup_text
-from drivers.pmac.configuration.check import Outcome, worst
-from drivers.pmac.configuration.comparison import differences
-from drivers.pmac.configuration.configuration import Configuration
-from drivers.pmac.configuration.gains import Write, gain_writes
-from drivers.pmac.configuration.judged import Judged
-from drivers.pmac.configuration.reading import read_configuration, whole_card
-from drivers.pmac.configuration.verification import in_order, read_of_machine, verify
+from drivers.lathe.ownership import Ownership
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.problem import Problem
 

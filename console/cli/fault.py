@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from drivers.simulator.control_address import ControlAddress
+    from drivers.simulator.hosts.control_address import ControlAddress
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 TIMEOUT_S = 5.0
@@ -22,7 +22,7 @@ CHUNK = 65_536
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Send one line and print what is answered; 1 when it is refused."""
-    from drivers.simulator.control_address import REFUSED
+    from drivers.simulator.hosts.control_address import REFUSED
 
     if any("\n" in word for word in options.words):
         print(f"console fault: {text('usage.line_feed')}", file=sys.stderr)

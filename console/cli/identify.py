@@ -9,14 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from console.session.dates import utc_now
+from console.session.data.dates import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
     from console.cli.identified_lines import Teller
-    from console.session.owning import Owning
+    from console.session.station.owning import Owning
     from drivers.identification.request import IdentificationRequest
     from drivers.identification.result import IdentifiedResponse
     from drivers.identification.rig import Rig
@@ -35,7 +35,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     interruption = Interruption()
     interruption.install()
-    from console.cli.simulation import anything_told
+    from console.cli.library import anything_told
 
     if anything_told(options) and not options.sim:
         print(f"console identify: {text('usage.plant_without_sim')}", file=sys.stderr)
@@ -43,10 +43,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     # Numerics take longer to load than the whole command line; the signals are already in hand.
     from console.cli.identified_lines import Teller, fields_of
     from console.cli.library import data_of, machine_of
-    from console.cli.output import print_json
-    from console.cli.warn import tell
-    from console.session.identified import store
-    from console.session.machine_run import guard
+    from console.cli.output import print_json, tell
+    from console.session.data.identified import store
+    from console.session.station.reaching import guard
     from drivers.link.tracing import Tracing
 
     machine = machine_of(options)
@@ -108,8 +107,7 @@ def _reached(
     """
     from console.cli.library import data_of
     from console.cli.stopping import Stopping
-    from console.session.reaching import reach
-    from console.session.whereabouts import address_of
+    from console.session.station.reaching import address_of, reach
     from drivers.identification.rig import Rig
 
     if options.sim:
@@ -132,14 +130,14 @@ def _in_memory(options: Namespace, machine: LoadedMachine, interruption: Interru
     Raises:
         ProblemError: as `iron_told`.
     """
-    from console.cli.simulation import iron_told
-    from drivers.heartbeat import Heartbeat
+    from console.cli.library import iron_told
     from drivers.identification.rig import Rig
-    from drivers.lathe import Lathe
+    from drivers.lathe.heartbeat import Heartbeat
+    from drivers.lathe.lathe import Lathe
+    from drivers.lathe.stop import StopPath
     from drivers.link.memory import MemoryLink
     from drivers.pmac.client import PmacClient
     from drivers.simulator.machine import SimulatedLathe
-    from drivers.stop import StopPath
 
     simulated = SimulatedLathe(machine.machine, iron_told(options, machine.machine))
     link = tracing.of(MemoryLink(simulated.connect(), simulated), simulated.now_s)
@@ -156,7 +154,7 @@ def _agreed(options: Namespace, rig: Rig, text: Catalogue) -> bool:
     Raises:
         LinkError: no PMAC answers.
     """
-    from console.cli.agreement import agreed
+    from console.cli.library import agreed
 
     rig.lathe.connect()
     return agreed(options, rig.machine.name, False, text, "identify")
@@ -174,9 +172,9 @@ def _identified(
     Raises:
         ProblemError: a refusal, or what went wrong; the machine is at rest with its drives off.
     """
-    from console.session.machine_run import leave
+    from console.session.station.reaching import leave
     from drivers.identification.identify import identify, origin_of, refuse_before, take_up
-    from drivers.safety import safety_problems
+    from drivers.lathe.safety import safety_problems
 
     version, kind = rig.lathe.connect()
     unsafe = () if simulated else safety_problems(rig.machine, rig.lathe.snapshot().inputs)

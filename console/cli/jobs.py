@@ -6,11 +6,11 @@ from argparse import Namespace
 
 from console.cli.library import data_of
 from console.cli.output import print_json
-from console.session.paths import jobs_folder
+from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.files import printable
-from profiles.lobe_conditions import lobe_source
+from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 

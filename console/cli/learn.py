@@ -8,14 +8,13 @@ from pathlib import Path
 
 from console.cli.learn_lines import kept_lines, lesson_fields, lesson_lines, version_fields, version_lines
 from console.cli.library import data_of, job_of, judged_of
-from console.cli.output import print_json
-from console.cli.warn import tell
-from console.session.calibrated_chuck import CalibratedMachine
-from console.session.dates import utc_now
+from console.cli.output import print_json, tell
+from console.session.data.calibrated_chuck import CalibratedMachine
+from console.session.data.dates import utc_now
+from console.session.data.learned_store import asked_for, store, versions
+from console.session.data.made_parts import KEYS
 from console.session.errors import SessionError
-from console.session.learned_store import asked_for, store, versions
-from console.session.lessons import SIMULATED, reverted, taught
-from console.session.made_parts import KEYS
+from console.session.learning.lessons import SIMULATED, reverted, taught
 from console.text.catalogue import Catalogue
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError

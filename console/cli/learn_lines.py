@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from console.session.dates import is_ahead
-from console.session.lessons import Taught
+from console.session.data.dates import is_ahead
+from console.session.learning.lessons import Taught
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
+from profiles.compensations.next_version import Contraction, Lesson
 from profiles.files import printable
-from profiles.learned import HoldsFor, LearnedCompensation, as_table
-from profiles.next_version import Contraction, Lesson
 
 
 def lesson_fields(found: Taught) -> dict[str, object]:

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 from console.cli import run_report
 from console.cli.output import roundness_fields
-from console.session.learning import LearnedPart, LearnResult
-from console.session.run import RunResult
+from console.session.cut.run import RunResult
+from console.session.learning.learning import LearnedPart, LearnResult
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.compensation import Wave
+from profiles.compensations.path import Wave
 from profiles.roundness import RoundnessResult
 
 

@@ -6,15 +6,30 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from console.session.calibrated_chuck import CalibratedMachine, calibrated
-from console.session.paths import data_folder, jobs_folder, machines_folder
-from profiles.machine_signature import iron_problems
+from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
+from console.session.data.kept_files import data_folder, jobs_folder, machines_folder
+from profiles.machine import iron_problems
 from profiles.problem import ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
 if TYPE_CHECKING:
     from drivers.link.address import LinkAddress
     from profiles.machine import MachineProfile
+
+
+import sys
+from typing import TYPE_CHECKING
+
+from console.cli.parser import DEFAULT_PLANT
+from console.session.errors import SessionError
+from console.text.catalogue import Catalogue
+from drivers.link.address import SimulatedAddress
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from drivers.simulator.plant.true_parameters import TrueParameters
+
 
 DEFAULT_MACHINE = "lee-2001-lathe"
 
@@ -91,3 +106,66 @@ def refuse_unsigned(machine: MachineProfile) -> None:
     """
     if problems := iron_problems(machine):
         raise ProfileError(*problems)
+
+
+def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalogue, command: str) -> bool:
+    """Return whether the machine may be moved: with --yes, simulated, or when somebody has typed its name.
+
+    `command` is the word behind `console`; what it is about to move is said by `agreement.ask.<command>`.
+    """
+    if options.yes or simulated:
+        return True
+    if not sys.stdin.isatty():
+        print(f"console {command}: {text('agreement.nobody_to_ask')}", file=sys.stderr)
+        return False
+    print(text(f"agreement.ask.{command}", machine=machine_name), end="", file=sys.stderr, flush=True)
+    try:
+        typed = sys.stdin.readline().strip()
+    except UnicodeDecodeError:  # no name in the encoding that the terminal is said to have
+        typed = ""
+    if typed == machine_name:
+        return True
+    print(f"console {command}: {text('agreement.not_typed')}", file=sys.stderr)
+    return False
+
+
+ASKED_FOR = ("plant", "seed", "clamping_sd")
+
+
+def anything_told(options: Namespace) -> bool:
+    """Whether the command line says anything of a simulated lathe."""
+    return any(getattr(options, name) is not None for name in ASKED_FOR)
+
+
+def simulation_told(options: Namespace, machine: MachineProfile) -> SimulatedAddress | None:
+    """Return the lathe behind the screens that --plant, --seed and --clamping-sd ask for, None where nothing does.
+
+    Raises:
+        ProfileError: no such plant, or its file cannot be used.
+    """
+    if not anything_told(options):
+        return None
+    plant, sd_percent = options.plant or SimulatedAddress().plant, options.clamping_sd or 0.0
+    from drivers.simulator.plant.presets import plant_named
+
+    plant_named(plant, machine, options.seed, sd_percent)
+    return SimulatedAddress(plant=plant, seed=options.seed, clamping_sd_percent=sd_percent)
+
+
+def iron_told(options: Namespace, machine: MachineProfile) -> TrueParameters | None:
+    """Return the iron that a command without screens cuts on, None where nothing is said of it.
+
+    Nobody aligns it, so that a plant has to be set up as profile and job say: `ideal` where none is named.
+
+    Raises:
+        SessionError: `session.nobody_aligns`, the plant `mounted`.
+        ProfileError: no such plant, or its file cannot be used.
+    """
+    if not anything_told(options):
+        return None
+    from drivers.simulator.plant.presets import MOUNTED, plant_named
+
+    plant = options.plant or DEFAULT_PLANT
+    if plant == MOUNTED:
+        raise SessionError(Problem(code="session.nobody_aligns", key="--plant", value=plant))
+    return plant_named(plant, machine, options.seed, options.clamping_sd or 0.0)

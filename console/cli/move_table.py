@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from console.cli.plain_number import PlainNumber
+from console.cli.output import PlainNumber
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from drivers.pmac.analysis.folding import Fold, fold

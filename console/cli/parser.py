@@ -12,7 +12,7 @@ from console.text.catalogue import LANGUAGES, Catalogue
 
 if TYPE_CHECKING:
     from drivers.link.address import TcpAddress
-    from drivers.simulator.control_address import ControlAddress
+    from drivers.simulator.hosts.control_address import ControlAddress
 
 STRATEGIES = ("none", "paper", "pvt", "cam", "timebase")
 DEFAULT_STRATEGY = "pvt"
@@ -433,7 +433,7 @@ def _host_port(word: str) -> TcpAddress:
 
 
 def _control(word: str) -> ControlAddress:
-    from drivers.simulator.control_address import parse_control_address
+    from drivers.simulator.hosts.control_address import parse_control_address
     from profiles.problem import ProblemError
 
     try:

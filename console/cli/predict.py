@@ -8,21 +8,21 @@ from dataclasses import asdict
 
 import numpy as np
 
-from console.cli.findings import finding_fields, finding_rows
 from console.cli.library import job_of, judged_of
-from console.cli.lobe_place import said_of_place
-from console.cli.output import print_json
-from console.cli.warn import tell
+from console.cli.output import finding_fields, finding_rows, print_json, said_of_place, tell
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.chucking.advice import ClampingAdvice
+from profiles.axis.envelope import Envelope, EnvelopeRow
+from profiles.chucking.advice import ClampingAdvice, force_span
 from profiles.chucking.diagnosis import diagnose
+from profiles.chucking.holding import holding_of
+from profiles.chucking.job_grip import wrench_force_sd_n
 from profiles.chucking.ring import is_thin
-from profiles.cut_error import CutError
-from profiles.envelope import Envelope, EnvelopeRow
+from profiles.chucking.wrench import torque_or_none_n_m
 from profiles.job import Job
+from profiles.lobe.cut_error import CutError
+from profiles.lobe.prediction import Prediction, predict
 from profiles.machine import MachineProfile
-from profiles.prediction import Prediction, predict
 from profiles.rules import refusals
 
 
@@ -241,3 +241,34 @@ def _amplitude(row: EnvelopeRow, most_rpm: float, text: Catalogue) -> tuple[str,
     if rpm > most_rpm:
         rpm, name = most_rpm, "speed_limit.spindle"
     return f"{row.amplitude_um:g} um", f"{rpm:.0f}", text(name)
+
+
+def span_fields(job: Job, machine: MachineProfile) -> dict[str, float | str]:
+    """Return least and most force at rest, N, the limit of the most, and where the force of the job stands."""
+    span = force_span(job, machine)
+    return {
+        "force_least_n": span.least_n,
+        "force_most_n": span.most_n,
+        "force_limit": span.binding,
+        "force_stands": span.stands(job.chucking_force_n).value,
+    }
+
+
+def span_words(job: Job, machine: MachineProfile, text: Catalogue) -> str:
+    """Return the span in whole newtons, with the limit at which it ends."""
+    span = force_span(job, machine)
+    least_n, most_n = span.whole_n
+    return f"{least_n} … {most_n} N ({text(f'clamp_limit.{span.binding}')})"
+
+
+def force_words(job: Job, machine: MachineProfile, text: Catalogue) -> str:
+    """Return a sentence of the force of a job: how sure it is, its torque where there is one, and the span."""
+    wrench = holding_of(machine).wrench
+    torque_n_m = None if wrench is None else torque_or_none_n_m(wrench, job.chucking_force_n)
+    return text(
+        "clamping.force" if torque_n_m is None else "clamping.force_and_torque",
+        force=f"{job.chucking_force_n:.0f}",
+        sd=f"{wrench_force_sd_n(job, machine):.0f}",
+        torque="" if torque_n_m is None else f"{torque_n_m:.2f}",
+        span=span_words(job, machine, text),
+    )

@@ -6,14 +6,13 @@ from argparse import Namespace
 from pathlib import Path
 
 from console.cli.library import job_of, judged_of
-from console.cli.output import print_json
+from console.cli.output import print_json, tell
 from console.cli.preview_fields import fields_of
 from console.cli.preview_told import lines_of
-from console.cli.warn import tell
-from console.session.identified_response import response_in
-from console.session.preview import preview
+from console.session.data.identified import response_in
 from console.text.catalogue import Catalogue
-from drivers.cut import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.preview.preview import preview
 from profiles.problem import ProblemError
 from profiles.rules import refusals
 

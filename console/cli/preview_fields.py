@@ -6,18 +6,18 @@ import cmath
 import math
 from dataclasses import asdict
 
-from console.cli.clamping import span_fields
-from console.cli.preview_band import reasons
-from console.session.foreseen import predicted_band
-from console.session.outlook import grip_share
-from console.session.preview import Preview
+from console.cli.predict import span_fields
+from console.cli.preview_told import reasons
 from console.text.catalogue import Catalogue
-from drivers.cut import CutPlan
-from profiles.envelope import EnvelopeRow, envelope
-from profiles.lobe_conditions import lobe_source
+from drivers.cutting.planning import CutPlan
+from drivers.preview.band import predicted_band
+from drivers.preview.outlook import grip_share
+from drivers.preview.preview import Preview
+from profiles.axis.envelope import EnvelopeRow, envelope
+from profiles.axis.safe_speed import speed_limits_rpm
+from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import ProblemError
 from profiles.rules import Finding, Severity
-from profiles.safe_speed import speed_limits_rpm
 
 
 def fields_of(seen: Preview, text: Catalogue) -> dict[str, object]:

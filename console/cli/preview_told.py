@@ -4,18 +4,34 @@ from __future__ import annotations
 
 import math
 
-from console.cli.clamping import span_words
-from console.cli.preview_band import reasons
-from console.session.foreseen import Band, predicted_band
-from console.session.preview import Preview, Response
+from console.cli.predict import span_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from drivers.cut import CutPlan
-from profiles.envelope import envelope
-from profiles.lobe_conditions import OTHER_CUT, lobe_source
+from drivers.cutting.planning import CutPlan
+from drivers.preview.band import Band, predicted_band
+from drivers.preview.preview import Preview, Response
+from profiles.axis.envelope import envelope
+from profiles.axis.response import Source
+from profiles.axis.safe_speed import speed_limits_rpm
+from profiles.lobe.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError
 from profiles.rules import Severity
-from profiles.safe_speed import speed_limits_rpm
+
+
+def reasons(band: Band, source: Source, text: Catalogue) -> list[tuple[str, float | None, str]]:
+    """Return code, um p-p (None is not known) and sentence of each reason; `source` is that of the response."""
+    servo, force_n = f"band.servo.{source}", band.assumed_friction_n
+    friction, words = "band.friction.identified", text("band.friction.identified")
+    if force_n is not None:
+        friction, words = "band.friction.assumed", text("band.friction.assumed", assumed=f"{force_n:g}")
+    return [
+        (servo, band.servo_um, text(servo)),
+        ("band.clamping", band.clamping_um, text("band.clamping")),
+        ("band.cutting", band.cutting_um, text("band.cutting")),
+        (friction, band.friction_um, words),
+        ("band.spindle", band.spindle_um, text("band.spindle", assumed=f"{band.spindle_um:g}")),
+    ]
+
 
 _MARKS = {Severity.OK: "✓", Severity.WARNING: "!", Severity.REFUSAL: "✗"}
 

@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from profiles.metrology.harmonics import Harmonic
+from profiles.metrology.turns import Turns
 from profiles.roundness import RoundnessResult
-
-if TYPE_CHECKING:
-    from console.cli.roundness import Measured
+from profiles.trace_files.header import TraceHeader
+from profiles.traces import Trace
 
 SHOWN_HARMONICS = (2, 3, 4, 5, 6, 7, 8, 9, 12, 15)
 _STATES = ("free", "clamped", "unknown")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A trace with what it says of itself and what came of it.
+
+    `jaw_1_deg` is the angle of jaw 1 in the angles of the trace, None where it is unknown. `mean_diameter_mm` is
+    None where the trace tells no size; `tool_offset_um`, positive into the work, where there is no job to compare
+    it with either.
+    """
+
+    trace: Trace
+    header: TraceHeader
+    result: RoundnessResult
+    turns: Turns | None = None
+    jaw_1_deg: float | None = None
+    mean_diameter_mm: float | None = None
+    tool_offset_um: float | None = None
+
+    def past_jaw_1_deg(self, wave: Harmonic) -> float | None:
+        """Return how far the first crest of an undulation is past jaw 1, None where that is unknown."""
+        if self.jaw_1_deg is None:
+            return None
+        return wave.past_jaw_1_deg(self.jaw_1_deg, against_spindle=self.header.against_spindle)
 
 
 def roundness_lines(measured: Measured, text: Catalogue) -> list[str]:

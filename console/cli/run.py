@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from console.cli.agreement import agreed
+from console.cli.library import agreed
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 
@@ -16,7 +16,25 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from console.cli.run_order import RunOrder
-    from console.session.sequence import Step
+    from console.session.cut.sequence import Step
+
+
+import shlex
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from importlib.metadata import version
+from typing import TypeVar
+
+from console.cli.predict import force_words
+from console.cli.run_order import RunOrder
+from console.session.cut.run import RunResult
+from console.session.data.learned_store import NONE
+from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
+from console.session.data.records import DRIVES_ON_PATIENCE_S, OPEN_PATIENCE_S, RunRecord
+from console.session.errors import SessionError
+from console.session.stages import FOLLOWING, Stage
+from profiles.traces import write_trace
 
 WRONG_USAGE = 2
 
@@ -31,16 +49,16 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     interruption = Interruption()
     interruption.install()
-    from console.cli.simulation import anything_told
+    from console.cli.library import anything_told
 
     if anything_told(options) and not options.sim:
         print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; the signals are already in hand.
     from console.cli.library import data_of
+    from console.cli.output import tell
     from console.cli.run_order import ordered
-    from console.cli.warn import tell
-    from console.session.killed_runs import killed_runs
+    from console.session.data.killed_runs import killed_runs
     from profiles.files import remove_all_left
 
     order = ordered(options)
@@ -55,7 +73,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _agreed(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
     """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
-    from console.cli.clamping import force_words
+    from console.cli.predict import force_words
 
     machine, job = order.plan.machine, order.plan.job
     rests_on = text(
@@ -79,10 +97,9 @@ def _cut(
     """
     from console.cli import learn_report, run_report
     from console.cli.library import data_of
-    from console.cli.run_part import learn_hint, save_part, tell_cut_with
-    from console.cli.run_places import cut, cut_learning
-    from console.cli.run_record import begin_record, recorded
-    from console.cli.warn import tell as tell_problems
+    from console.cli.output import tell as tell_problems
+    from console.cli.run import begin_record, learn_hint, recorded, save_part, tell_cut_with
+    from console.cli.run_order import cut, cut_learning
     from drivers.link.tracing import Tracing
 
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {order.job.job.name}")
@@ -146,3 +163,104 @@ def _teller(
             interruption.end("output closed")
 
     return tell
+
+
+def tell_cut_with(options: Namespace, order: RunOrder, text: Catalogue) -> None:
+    """Print, for people, the lines in front of the steps: the stage, which compensation it is cut with, the force.
+
+    A machine was cut on only after somebody has agreed, who has read the force before that.
+    """
+    if options.json:
+        return
+    plan = order.plan
+    which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
+    said = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
+    lines = [said] if order.address else [said, force_words(order.job.job, order.machine.machine, text)]
+    # In one piece: a reader that goes away behind the first line is missed at the first step, which stops the cut.
+    print("".join(f"{text('sim')}  {line}\n" if order.simulated else f"{line}\n" for line in lines), end="")
+
+
+def save_part(order: RunOrder, result: RunResult) -> None:
+    """Write the trace of the part where one was asked for, with header lines that say what it was cut with.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`.
+    """
+    if order.part_file is None or result.trace is None:
+        return
+    plan = order.plan
+    made = {
+        "compensation": NONE if plan.compensation is None else str(plan.compensation),
+        "strategy": plan.cut.strategy.value,
+        "stage": plan.stage.value,
+        INVERTED: plan.inverted or MODEL,
+        CUT_JAW: AS_FILED,
+    }
+    write_trace(order.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
+
+
+def learn_hint(options: Namespace, order: RunOrder, text: Catalogue) -> list[str]:
+    """Return how to learn from the part; nothing of one in air, or by a strategy that follows no path."""
+    if order.plan.cut.strategy not in FOLLOWING or order.plan.stage is Stage.AIR:
+        return []
+    if order.simulated and order.part_file is None:
+        return []
+    words = ["console", "learn", options.part or "FILE.csv", "--job", options.job]
+    if options.machine:
+        words += ["--machine", options.machine]
+    if options.identified:
+        words += ["--identified", options.identified]
+    return [text("run.learn_from_it", command=shlex.join(words))]
+
+
+Result = TypeVar("Result")
+
+
+def begin_record(data: Path, order: RunOrder) -> RunRecord:
+    """Begin the record of a run, in the data folder. On a lathe in this process no drive waits for other writers.
+
+    Raises:
+        SessionError: as `RunRecord`; nothing was started.
+    """
+    patience_s = OPEN_PATIENCE_S if order.address is None else DRIVES_ON_PATIENCE_S
+    return RunRecord(data, _described(order), open_patience_s=OPEN_PATIENCE_S, patience_s=patience_s)
+
+
+def recorded(
+    record: RunRecord,
+    warnings: list[str],
+    order: RunOrder,
+    work: Callable[[], Result],
+    told: Callable[[Result, list[str]], dict[str, object]],
+) -> Result:
+    """Run, and keep in the record how it went, as it is `told`, however it ends.
+
+    With the plan it keeps the dates of the calibrations with which the job was judged.
+    """
+    try:
+        duration_s, used = order.plan.cut.duration_s, order.machine.used
+        record.add("planned", {"warnings": warnings, "duration_s": duration_s, "calibrations": used})
+        result = work()
+        record.add("result", told(result, warnings))
+    except BaseException as error:
+        # What ended the run matters more than a record that cannot take it.
+        with suppress(SessionError):
+            record.add("ended", {"reason": str(error) or type(error).__name__})
+        raise
+    finally:
+        record.close()
+    return result
+
+
+def _described(order: RunOrder) -> dict[str, object]:
+    job, machine, plan = order.job, order.machine, order.plan
+    return {
+        "software": f"trilobe {version('trilobe')}",
+        "job": job.job.name,
+        "job_sha256": job.sha256,
+        "machine": machine.machine.name,
+        "machine_sha256": machine.sha256,
+        "simulated": int(order.simulated),
+        "strategy": plan.cut.strategy.value,
+        "program": plan.cut.text,
+    }

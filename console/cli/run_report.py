@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from console.cli.clamping import span_fields
 from console.cli.output import roundness_fields
-from console.session.collisions import collision_problems
-from console.session.run import RunResult
+from console.cli.predict import span_fields
+from console.session.cut.run import RunResult
 from console.session.stages import Stage
+from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 

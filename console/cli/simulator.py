@@ -30,7 +30,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     if options.seed is not None and options.plant in (None, *WITHOUT_CHANCE) and not options.clamping_sd:
         print(f"console simulator: {text('usage.seed_without_chance')}", file=sys.stderr)
         return WRONG_USAGE
-    from drivers.simulator.server import Listeners, serve
+    from drivers.simulator.hosts.server import Listeners, serve
 
     machine = profile_of(options).machine
 

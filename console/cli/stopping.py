@@ -18,8 +18,8 @@ from contextlib import contextmanager, suppress
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 from console.text.escaping import escaped_line
-from drivers.snapshot import Snapshot
-from drivers.stop import StopPath
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import StopPath
 
 TICK_S = 0.1
 TELL_S = 1.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from types import FrameType
 
 from console.session.errors import Interrupted
-from drivers.stop import StopPath
+from drivers.lathe.stop import StopPath
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from enum import StrEnum
 
 from console.session.errors import SessionError
-from drivers.cut import Strategy, nominal_command
-from profiles.compensation import CutPath, wanted_path
-from profiles.graduated import PARTIAL_SHARE, share_of
+from drivers.cutting.planning import Strategy, nominal_command
+from profiles.axis.response import ServoResponse
+from profiles.compensations.path import PARTIAL_SHARE, CutPath, share_of, wanted_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.response import ServoResponse
 
 AIR_MM = 1.0
 """How far out of the part the tool stays in air, more than any depth of cut and lobe."""

@@ -7,22 +7,22 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from console.session.kept_files import make_folder
+from console.session.data.kept_files import make_folder
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.job import JOB_FIELDS, Job, copy_of
-from profiles.lobe_conditions import kept_condition
+from profiles.lobe.lobe_conditions import kept_condition
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, save_job
 
 if TYPE_CHECKING:
-    from console.session.preview import Preview, Underway
-    from profiles.learned import LearnedCompensation
+    from drivers.preview.preview import Preview, Underway
+    from profiles.compensations.learned import LearnedCompensation
 
 STAGES = ("full", "air", "partial")
 """In the order in which a key steps through them; the values of `console.session.stages.Stage`."""
 
 STRATEGIES = ("pvt", "cam", "timebase", "paper", "none")
-"""In the order in which a key steps through them; the values of `drivers.cut.Strategy`."""
+"""In the order in which a key steps through them; the values of `drivers.cutting.planning.Strategy`."""
 
 _FIELDS = {field.key: field for field in JOB_FIELDS}
 
@@ -41,7 +41,7 @@ class Work:
     why neither can be. `undo` are the earlier values of the job, newest last.
 
     `compensation` is what was learned of this cut, None the model's. What is changed afterwards does not change
-    it: whether it still holds is judged, see `console.session.compensated`. `set_aside` says of the newest version
+    it: `console.session.cut.compensated` judges whether it still holds. `set_aside` says of the newest version
     that was accepted why this cut does not use it; empty where it does, or there is none.
     """
 

@@ -15,23 +15,19 @@ from textual.app import App, ComposeResult
 from textual.containers import Container
 from textual.driver import Driver
 
-from console.session.control import Control
-from console.session.state import Activity
+from console.session.station.control import Control
+from console.session.station.state import Activity
 from console.text.catalogue import Catalogue
-from console.tui.chosen_path import ChosenPath
 from console.tui.desk import Desk, View
 from console.tui.driver import StopSent, TooFast, Written
 from console.tui.frame import MARKS, ROWS, Frame, frame_rows, unseen_alarm
-from console.tui.gate import PASTED, FieldKind, Situation, Verdict, is_page, is_stray, judge, stop_reason
-from console.tui.held import HeldKeys
-from console.tui.help import LISTS, help_lines
-from console.tui.keymap import Action, PageName
-from console.tui.lines import Line, line, wrapped
+from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
+from console.tui.keymap import LISTS, Action, PageName, help_lines
+from console.tui.lines import Line, Sheet, line, wrapped
 from console.tui.messages import message_lines
 from console.tui.page import Page
-from console.tui.previewing import Previewer
+from console.tui.previewing import ChosenPath, Previewer
 from console.tui.scrolled import ScrolledSheet
-from console.tui.sheet import Sheet
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette, Token
 from profiles.files import printable
 from profiles.job import Job
@@ -424,7 +420,7 @@ class ConsoleApp(App[None]):
         self.screen.set_class(self._reading, "reading")
 
     def _post_recover(self) -> None:
-        from console.session.intents import Recover  # not needed for the first paint, as below
+        from console.session.station.intents import Recover  # not needed for the first paint, as below
 
         state = self.desk.control.state
         self._acted_s = self.desk.control.now_s()
@@ -433,7 +429,7 @@ class ConsoleApp(App[None]):
 
     def _post_take_over(self) -> None:
         """Take the machine from another console; asked for twice, because somebody works there."""
-        from console.session.intents import TakeOver
+        from console.session.station.intents import TakeOver
 
         desk = self.desk
         if desk.control.state.controls:
@@ -448,8 +444,8 @@ class ConsoleApp(App[None]):
 
     def _post_acknowledge(self) -> None:
         """The operator has seen what is shown: the alarm in the row, or all of them in the list of messages."""
-        from console.session.alarms import foremost
-        from console.session.intents import Acknowledge
+        from console.session.station.alarms import foremost
+        from console.session.station.intents import Acknowledge
 
         alarms = self.desk.control.state.alarms
         front = foremost(alarms)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.control import Control
-from console.session.state import Activity, StationState
+from console.session.station.control import Control
+from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName

@@ -11,8 +11,8 @@ from datetime import datetime
 
 from rich.cells import cell_len
 
-from console.session.alarms import Alarm, Priority, foremost, unseen
-from console.session.state import Activity, StationState
+from console.session.station.alarms import Alarm, Priority, foremost, unseen
+from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName, actions_of

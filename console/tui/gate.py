@@ -6,6 +6,7 @@ screen, and in the application, which does the rest.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -166,3 +167,20 @@ def _writes(key: str, character: str | None, field: FieldKind) -> bool:
     if field is FieldKind.NUMBER:
         return character in NUMBER_CHARACTERS
     return character is not None and character.isprintable()
+
+
+REPEAT_S = 0.8
+"""Presses of one key that come sooner than this are the terminal's repeats of a key that is held."""
+
+
+class HeldKeys:
+    """Remembers when each action was last asked for."""
+
+    def __init__(self) -> None:
+        self._pressed_s: dict[str, float] = {}
+
+    def repeats(self, action: Action, now_s: float) -> bool:
+        """Take note of a press, and return whether it is the repeat of one that is to be done once."""
+        before_s = self._pressed_s.get(action.id, -math.inf)
+        self._pressed_s[action.id] = now_s
+        return action.once and now_s - before_s < REPEAT_S

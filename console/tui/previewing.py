@@ -10,21 +10,28 @@ import threading
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from console.session.alignment import Alignment, aligned_job, aligned_machine
-from console.session.kept import Kept
+from console.session.cut.alignment import Alignment, aligned_job, aligned_machine
 from console.session.work import Work
+from console.tui.kept import Kept
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
 if TYPE_CHECKING:
-    from console.session.outlook import Outlook
-    from console.session.preview import Asked, Preview, Program, Underway
-    from drivers.cut import Strategy
-    from profiles.compensation import CutPath
-    from profiles.learned import ExpectedPart
-    from profiles.response import ServoResponse
-    from profiles.servo import Eq9Summary
+    from drivers.cutting.planning import Strategy
+    from drivers.preview.outlook import Outlook
+    from drivers.preview.preview import Asked, Preview, Program, Underway
+    from profiles.axis.response import ServoResponse
+    from profiles.axis.servo import Eq9Summary
+    from profiles.compensations.learned import ExpectedPart
+    from profiles.compensations.path import CutPath
+
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from profiles.compensations.path import CutPath
+
 
 PROGRAMS_KEPT = 60
 """Those of a dozen jobs: what an operator steps back and forth between."""
@@ -123,7 +130,7 @@ class Previewer:
 
     def _known(self, begun: _Begun, outlook: Outlook) -> tuple[Underway, Preview | None]:
         """Return the answer so far, the same object while nothing is added to it; and as the whole, if it is."""
-        from console.session.preview import Preview, underway, whole
+        from drivers.preview.preview import Preview, underway, whole
 
         loop = self._loops.find(begun.question.machine)
         found = {each.strategy: self._programs.find(each) for each in begun.asked}
@@ -149,8 +156,8 @@ class Previewer:
 
     def _add_to(self, begun: _Begun) -> bool:
         """Compute the first thing that is missing to a question; False when nothing is."""
-        from console.session.preview import program_of
-        from profiles.servo import eq9_summary
+        from drivers.preview.preview import program_of
+        from profiles.axis.servo import eq9_summary
 
         missing = [each for each in begun.asked if self._programs.find(each) is None]
         machine = begun.question.machine
@@ -166,7 +173,7 @@ class Previewer:
 def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
     """Return what a part has taught of the path that is cut, with jaw 1 where it was found; None of one in air."""
     from console.session.stages import Stage
-    from profiles.learned import expected_part
+    from profiles.compensations.learned import expected_part
 
     stage = Stage(work.stage)
     if work.compensation is None or stage is Stage.AIR:
@@ -177,10 +184,10 @@ def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
 
 
 def _begin(question: Question) -> _Begun:
-    from console.session.outlook import outlook
-    from console.session.preview import all_asked
     from console.session.stages import Stage, air_mm
-    from drivers.cut import Strategy
+    from drivers.cutting.planning import Strategy
+    from drivers.preview.outlook import outlook
+    from drivers.preview.preview import all_asked
 
     parts = (question.job, question.machine, Strategy(question.strategy), question.response)
     try:
@@ -196,3 +203,36 @@ def _begin(question: Question) -> _Begun:
 
 def _fault(fault: Exception) -> Problem:
     return Problem(code="session.fault", value=" ".join(f"{type(fault).__name__}: {fault}".split()))
+
+
+class ChosenPath:
+    """Remembers the last one; `of` is called at every tick."""
+
+    def __init__(self) -> None:
+        self._made_of: tuple[Any, ...] = ()
+        self._path: CutPath | None = None
+
+    def of(self, work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
+        """Return the path of compensation and stage, None for that of the model, and for what may not be cut."""
+        if work.compensation is None and work.stage != "partial":
+            return None
+        # Tuples ask first whether they are the same objects, which is what they are from tick to tick.
+        made_of = (work.job, work.loaded, work.strategy, work.stage, work.compensation, alignment, simulated)
+        if made_of != self._made_of:
+            self._made_of, self._path = made_of, _path(work, alignment, simulated=simulated)
+        return self._path
+
+
+def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
+    # Numerics, which the first page does without.
+    from console.session.cut.compensated import chosen_problems, path_of
+    from console.session.stages import Stage
+    from drivers.cutting.planning import Strategy
+
+    if chosen_problems(work, simulated=simulated):
+        return None
+    job, machine = aligned_job(work.job, alignment), aligned_machine(work.machine.machine, alignment)
+    try:
+        return path_of(job, work.job, machine, Strategy(work.strategy), Stage(work.stage), work.compensation)
+    except ProblemError:
+        return None  # the preview of the model fails for the same reason, and tells it

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from console.text.catalogue import Catalogue
-from console.tui.lines import Line, dim, line
-from console.tui.sheet import Sheet
+from console.tui.lines import Line, Sheet, dim, line
 from console.tui.theme import Palette
 
 

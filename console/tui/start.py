@@ -13,13 +13,12 @@ from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
 
-from console.cli.library import data_of, machine_of
-from console.cli.simulation import simulation_told
-from console.session.calibrated_chuck import calibrated_or_stated
+from console.cli.library import data_of, machine_of, simulation_told
+from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
-from console.session.link_thread import LinkThread, Opened
 from console.session.signals import ENDING_SIGNALS
-from console.session.whereabouts import address_of
+from console.session.station.link_thread import LinkThread, Opened
+from console.session.station.reaching import address_of
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
@@ -96,7 +95,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _open(machine: LoadedMachine, address: LinkAddress, data: Path, tracing: Tracing) -> Opened:
     """Open the machine, in the link thread: what this imports takes longer than the first paint."""
-    from console.session.opening import open_machine
+    from console.session.station.opening import open_machine
 
     return open_machine(machine, address, data, tracing)
 

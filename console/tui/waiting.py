@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.state import Activity, StationState
+from console.session.station.state import Activity, StationState
 from profiles.problem import Problem
 
 _REFUSALS = {

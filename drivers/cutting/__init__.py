@@ -1,1 +1,1 @@
-"""What a planned cut is, what its motion really is, and what is said of it; `drivers.cut` plans one."""
+"""A planned cut: its program, its motion as the controller makes it, and what is checked while it runs."""

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.trajectory.cubics import Floats, Motion, between, shifted
-from drivers.pmac.trajectory.pieces import Cubic, Piece
+from drivers.pmac.trajectory.linear import Timing
+from drivers.pmac.trajectory.pieces import Cubic, Piece, Vector
+from drivers.pmac.trajectory.planned import MoveRecord
 
 Whole = NDArray[np.int_]
 
@@ -152,3 +154,55 @@ def _line(line: Floats, left: Whole, share: Floats) -> Floats:
 def _row(grid: Floats, row: Whole, left: Whole, share: Floats) -> Floats:
     before = grid[row, left]
     return np.asarray(before + (grid[row, left + 1] - before) * share, dtype=np.float64)
+
+
+def with_spindle(
+    checked: CheckedProgram, motor: int, counts_per_ms: float, first_counts: float = 0.0, stretch: float = 1.0
+) -> CheckedProgram:
+    """Return the motion with a spindle that turns at `counts_per_ms` and is at `first_counts` when it begins.
+
+    Every move takes `stretch` times as long as it was programmed to take.
+    """
+    motors = tuple(sorted((*checked.motors, motor)))
+    place = motors.index(motor)
+    moves = []
+    here = first_counts
+    for move in checked.moves:
+        pieces = []
+        for piece in move.pieces:
+            pieces.append(_beside(piece, place, (here, counts_per_ms, 0.0, 0.0), stretch))
+            here += counts_per_ms * pieces[-1].duration_ms
+        moves.append(CheckedMove(record=_record(move.record, place, here, stretch), pieces=tuple(pieces)))
+    peak = {each: speed / stretch for each, speed in checked.peak_velocity.items()}
+    return CheckedProgram(
+        motors=motors,
+        moves=tuple(moves),
+        duration_ms=checked.duration_ms * stretch,
+        peak_velocity={**peak, motor: abs(counts_per_ms)},
+        lowest={**checked.lowest, motor: min(first_counts, here)},
+        highest={**checked.highest, motor: max(first_counts, here)},
+    )
+
+
+def _beside(piece: Piece, place: int, turning: Cubic, stretch: float) -> Piece:
+    """Return a piece that takes `stretch` times as long, with what the spindle does meanwhile."""
+    cubics = piece.cubics
+    if stretch != 1.0:
+        square, cube = stretch**2, stretch**3
+        cubics = tuple([(c0, c1 / stretch, c2 / square, c3 / cube) for c0, c1, c2, c3 in cubics])
+    beside = (*cubics[:place], turning, *cubics[place:])
+    return Piece(piece.duration_ms * stretch, beside, piece.calculates, piece.real_time, piece.deferred)
+
+
+def _record(record: MoveRecord, place: int, here: float, stretch: float) -> MoveRecord:
+    target: Vector = record.target
+    return MoveRecord(
+        line=record.line,
+        target=(*target[:place], here, *target[place:]),
+        asked=_longer(record.asked, stretch),
+        timing=None if record.timing is None else _longer(record.timing, stretch),
+    )
+
+
+def _longer(timing: Timing, stretch: float) -> Timing:
+    return Timing(ta_ms=timing.ta_ms * stretch, ts_ms=timing.ts_ms * stretch, tm_ms=timing.tm_ms * stretch)

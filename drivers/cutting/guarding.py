@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.cutting.plan import CutPlan, Strategy
-from drivers.guards import AxisRange, ProgramGuard
-from drivers.lengths import Lengths
+from drivers.lathe.guards import AxisRange, ProgramGuard
+from drivers.lathe.lengths import Lengths
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.axes import read_definitions
-from drivers.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.cutting.plan import CutPlan, Strategy
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
-from drivers.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

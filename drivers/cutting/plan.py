@@ -9,7 +9,7 @@ from drivers.pmac.check import CheckedProgram
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import CutSetup
-from profiles.compensation import LobedPath
+from profiles.compensations.path import LobedPath
 from profiles.rules import Finding
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
+from drivers.commissioning.reading import read_settings
 from drivers.cutting.plan import Strategy
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.cam_path import CamPath
@@ -24,12 +25,11 @@ from drivers.identification.request import IdentificationRequest, request_proble
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.rig import HOMED, Before, Rig, card_problems, standing_problems
 from drivers.identification.standstill import link_problems
+from drivers.lathe.snapshot import AxisName
 from drivers.pmac.compensation.table import step_counts
 from drivers.pmac.compensation.table_text import table_lines
-from drivers.pmac.configuration.reading import read_settings
 from drivers.pmac.settings import servo_cycle_ms
-from drivers.snapshot import AxisName
-from profiles.compensation import delayed
+from profiles.compensations.path import delayed
 from profiles.problem import Problem, ProblemError
 
 GAINS = range(30, 36)

@@ -6,10 +6,10 @@ import cmath
 import math
 
 from drivers.cutting.plan import Strategy
-from profiles.compensation import delayed
+from profiles.axis.response import ServoResponse, model_response
+from profiles.axis.servo import sampled_response
+from profiles.compensations.path import delayed
 from profiles.machine import MachineProfile
-from profiles.response import ServoResponse, model_response
-from profiles.servo import sampled_response
 
 TIMEBASE_LATE_CYCLES = 1
 """A time base counts the servo cycle that has ended."""

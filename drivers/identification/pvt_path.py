@@ -16,7 +16,7 @@ from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
 from drivers.pmac.programs.setup import HOLD_FLAG
-from profiles.compensation import LobedPath
+from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile
 
 _TEXT = """\

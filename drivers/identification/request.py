@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from drivers.cutting.plan import Strategy
 from drivers.identification.cam_path import return_hz, way_counts
 from drivers.pmac.settings import PARTS_PER_COUNT
+from profiles.axis.servo import drive_need, following_error_um
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.servo import drive_need, following_error_um
 
 PATHS = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
 """The strategies that invert the servo, each with a way of its own from the spindle to the loop."""

@@ -8,9 +8,9 @@ from statistics import fmean
 from typing import Any
 
 from drivers.cutting.plan import Strategy
+from profiles.axis.response import ServoResponse, identified_response
 from profiles.own_values import positive, record, text, whole
 from profiles.problem import Problem, ProfileError
-from profiles.response import ServoResponse, identified_response
 
 SCHEMA = 1
 

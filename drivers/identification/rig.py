@@ -7,16 +7,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
+from drivers.commissioning.reading import ask_or_none, read_settings
 from drivers.errors import ControllerError
 from drivers.identification.excitation import PROGRAM
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
-from drivers.pmac.configuration.reading import ask_or_none, read_settings
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_constant
 from drivers.pmac.programs.cam import correction_register
 from drivers.pmac.status import decode
-from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

@@ -12,13 +12,13 @@ from collections import deque
 from drivers.errors import DriverError
 from drivers.identification.request import clearance_mm
 from drivers.identification.rig import Rig
-from drivers.motion import CUT_POLL_S
-from drivers.pmac.master.converted_position import COUNT_PARTS
+from drivers.lathe.motion import CUT_POLL_S
+from drivers.lathe.snapshot import Snapshot
+from drivers.pmac.master.following import COUNT_PARTS
 from drivers.pmac.memory import WORD_BITS
-from drivers.snapshot import Snapshot
+from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.servo_gains import gains_from_variables
 
 PROVING_LOOKS, MOST_LOOKS = 4, 6
 STANDS_COUNTS = 2.0

@@ -12,7 +12,7 @@ from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import parse_line, parse_statement
-from drivers.pmac.language.program_buffers import (
+from drivers.pmac.language.reading import (
     CLEAR,
     CLOSE,
     HIGHEST_PLC,

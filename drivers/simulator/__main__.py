@@ -1,6 +1,6 @@
 """`python -m drivers.simulator`: the simulated lathe as a process of its own, in real time, on a pseudo-terminal.
 
-It is started by `drivers.simulator.process` and lives as long as the channel to it: when that ends, however it
+`drivers.simulator.hosts.process` starts it, and it lives as long as the channel to it: when that ends, however it
 came about, or a signal asks for it, the process is gone and has left nothing behind.
 """
 
@@ -11,12 +11,11 @@ import asyncio
 import socket
 import time
 
-from drivers.simulator.channel import converse
+from drivers.simulator.hosts.channel import converse
+from drivers.simulator.hosts.pty import PtyHost
+from drivers.simulator.hosts.real_time import PatientTime, ending_signals, keep_time
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.patience import PatientTime
 from drivers.simulator.plant.presets import MOUNTED, plant_named
-from drivers.simulator.pty import PtyHost
-from drivers.simulator.real_time import ending_signals, keep_time
 from profiles.store import load_machine
 
 

@@ -10,9 +10,9 @@ from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.expressions import parse_expression
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.variables import SystemVariables
-from drivers.simulator.controller import Controller
-from drivers.simulator.coordinate import CoordinateSystem
-from drivers.simulator.motor import Motor
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.coordinate import CoordinateSystem
+from drivers.simulator.card.motor import Motor
 
 ALL_CARDS = -1
 """`@@`: every card on the line is meant."""

@@ -8,21 +8,21 @@ from drivers.errors import LinkError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.settings import settings_with
-from drivers.simulator.controller import Controller
-from drivers.simulator.drives import build_drives
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.registers import CardMemory
+from drivers.simulator.card.saved_state import Flash
+from drivers.simulator.card.watchdog import Background
 from drivers.simulator.faults.board import FaultBoard
 from drivers.simulator.faults.effects import Site
 from drivers.simulator.faults.lines import Lines
+from drivers.simulator.hosts.port import Port
+from drivers.simulator.hosts.program_voice import speak
 from drivers.simulator.plant.collision import Collision
+from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.inverter import InverterSpindle
+from drivers.simulator.plant.shop_floor import ShopFloor
+from drivers.simulator.plant.shop_view import ShopView
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
-from drivers.simulator.port import Port
-from drivers.simulator.program_voice import speak
-from drivers.simulator.registers import CardMemory
-from drivers.simulator.saved_state import Flash
-from drivers.simulator.shop_floor import ShopFloor
-from drivers.simulator.shop_view import ShopView
-from drivers.simulator.watchdog import Background
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

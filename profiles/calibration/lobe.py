@@ -19,8 +19,8 @@ from profiles.chucking.diagnosis import Diagnosis, diagnose
 from profiles.chucking.ring import is_thin
 from profiles.files import printable
 from profiles.job import SIMULATED_SOURCE, Job
-from profiles.lobe_conditions import CONDITIONS
-from profiles.lobe_fit import LobeFit, fit_lobe
+from profiles.lobe.lobe_conditions import CONDITIONS
+from profiles.lobe.lobe_fit import LobeFit, fit_lobe
 from profiles.metrology.filters import gaussian_transmission
 from profiles.problem import Problem
 from profiles.roundness import seen_oval_um_pp

@@ -8,13 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from profiles.axis.servo import eq9_response, eq9_summary
+from profiles.axis.tool_stiffness import tool_compliance_um_per_n
 from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.job_grip import centrifugal_loss_n as loss_of_job_n
 from profiles.chucking.ring import Ring, spring_back_um_pp
 from profiles.chucking.tube import Tube, spring_back_um
-from profiles.compensation import misalignment, residual_um_pp
-from profiles.cut_error import cut_error
-from profiles.held_job import held_part
+from profiles.compensations.path import misalignment, residual_um_pp
+from profiles.lobe.cut_error import cut_error
+from profiles.lobe.held_job import held_part
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
 from profiles.paper.eq9_in_time import pushed_um_per_n
@@ -22,8 +24,6 @@ from profiles.paper.experiments import Experiments
 from profiles.paper.parts import models
 from profiles.paper.record import Record, Section
 from profiles.paper.residual import left_um_pp
-from profiles.servo import eq9_response, eq9_summary
-from profiles.tool_stiffness import tool_compliance_um_per_n
 
 MISALIGNED_UM = {1.0: 2.88, 0.347: 1.0, 20.0: 55.0, 60.0: 110.0}
 """What a path leaves of 55 um that is so many degrees of spindle off."""

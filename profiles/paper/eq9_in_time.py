@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from profiles.axis.servo_gains import eq9_gains
 from profiles.machine import MachineProfile
-from profiles.servo_gains import eq9_gains
 
 
 def step_error(machine: MachineProfile, time_s: float) -> float:

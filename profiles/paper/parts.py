@@ -6,14 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from profiles.compensation import compensated_depth_um, removed_depth_um, spindle_speed_rpm
+from profiles.axis.servo import eq9_response
+from profiles.compensations.path import compensated_depth_um, removed_depth_um, spindle_speed_rpm
 from profiles.paper.experiments import COMPENSATED_UM, CONCLUDED_UM, Experiments
 from profiles.paper.prog_1 import SINE, Ramps, fundamental_share, stroke_share, zigzag
 from profiles.paper.record import Curve, Figure, Record, Section, constructed
 from profiles.paper.residual import Servo, ideal_servo, left_by_compliance_um_pp, left_um, left_um_pp
 from profiles.paper.table_5 import measured_response
 from profiles.roundness import evaluate
-from profiles.servo import eq9_response
 
 FULL_BLEND = 1.0
 """TA = TM: every move of Prog. 1 is all acceleration time."""

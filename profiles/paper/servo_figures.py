@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from profiles.envelope import first_beyond
+from profiles.axis.envelope import first_beyond
+from profiles.axis.servo import eq9_response, eq9_summary, sampled_response
 from profiles.machine import MachineProfile
 from profiles.paper import table_5
 from profiles.paper.eq9_in_time import step_error
 from profiles.paper.record import Basis, Curve, Figure, Record, Relation, Section
-from profiles.servo import eq9_response, eq9_summary, sampled_response
 
 PAPER_BANDWIDTH_HZ, PAPER_TOLERANCE_HZ = 80.0, 5.0
 COIL_KG = 2.95

@@ -12,9 +12,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.axis.servo import eq9_response, sampled_response
+from profiles.axis.servo_gains import eq9_gains, gains_from_variables, variables_from_gains
 from profiles.machine import MachineProfile
-from profiles.servo import eq9_response, sampled_response
-from profiles.servo_gains import eq9_gains, gains_from_variables, variables_from_gains
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

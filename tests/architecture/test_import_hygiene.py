@@ -59,4 +59,4 @@ def test_slow_libraries_are_imported_where_they_are_used(library: str) -> None:
                 users.add(str(path.relative_to(ROOT)))
                 assert statement in sheltered, f"{path.relative_to(ROOT)}:{statement.lineno}"
     if library == "control":
-        assert users == {"profiles/servo.py"}
+        assert users == {"profiles/axis/servo.py"}

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from console.__main__ import main
-from profiles.lobe_conditions import CONDITIONS
+from profiles.lobe.lobe_conditions import CONDITIONS
 from tests.compact import save_compact
 
 

@@ -7,20 +7,19 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from console.session.console_lock import take_lock
-from console.session.intents import Intent
-from console.session.owning import LOG_NAME, Owning
-from console.session.state import StationState
-from console.session.station import Station
-from console.session.workplace import Workplace
-from drivers.heartbeat import Heartbeat
-from drivers.lathe import Lathe
+from console.session.station.intents import Intent
+from console.session.station.owning import LOG_NAME, Owning, take_lock
+from console.session.station.state import StationState
+from console.session.station.station import Station
+from console.session.station.workplace import Workplace
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import OWNER_ITEM, Ownership
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import ABORT_ALL, KILL_ALL, StopPath
 from drivers.link.memory import MemoryLink
-from drivers.ownership import OWNER_ITEM, Ownership
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import Snapshot
-from drivers.stop import ABORT_ALL, KILL_ALL, StopPath
 from profiles.machine import MachineProfile
 from profiles.store import LoadedMachine, load_machine
 from tests.console.floor import LOCAL_TIME

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from console.session.intents import (
+from console.session.station.intents import (
     Approach,
     Arm,
     ConfirmClamping,
@@ -19,18 +19,18 @@ from console.session.intents import (
     TakeJaw,
     TakeTouchOff,
 )
-from console.session.owning import Owning
-from console.session.state import StationState
-from console.session.station import Station
-from console.session.workplace import Workplace
-from drivers.cut import Strategy
-from drivers.lathe import Lathe
+from console.session.station.owning import Owning
+from console.session.station.state import StationState
+from console.session.station.station import Station
+from console.session.station.workplace import Workplace
+from drivers.cutting.planning import Strategy
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
-from drivers.snapshot import AxisName, Snapshot
-from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.store import LoadedMachine, load_job
 from tests.compact import compact_machine

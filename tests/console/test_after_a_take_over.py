@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Home, Jog, Recover, SwitchOn, TakeOver
+from console.session.station.intents import Home, Jog, Recover, SwitchOn, TakeOver
 from drivers.errors import RefusedError
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName, Snapshot
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, console_of, station_of
 from tests.console.test_owning import jogs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from console.session.alarms import (
+from console.session.station.alarms import (
     CONDITIONS,
     Alarms,
     Priority,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from console.session.alignment import (
+from console.session.cut.alignment import (
     Alignment,
     AlignStep,
     JawAngle,

@@ -23,8 +23,7 @@ from console.cli.escaped_output import EscapedOutput
 from console.cli.output import print_json
 from console.text.columns import cell_width
 from console.text.escaping import encodable, escaped, escaped_line
-from console.tui.lines import plain
-from console.tui.sheet import Sheet
+from console.tui.lines import Sheet, plain
 from console.tui.theme import MONO, Token
 from tests.compact import save_compact
 

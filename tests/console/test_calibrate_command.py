@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.session.cut.interlocks import of_lobe
+from console.session.cut.run import plan_run
 from console.session.errors import SessionError
-from console.session.interlocks import of_lobe
-from console.session.run import plan_run
 from console.session.work import edited, opened
 from console.text.catalogue import load
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from profiles.store import BUNDLED_JOBS, load_job, load_machine, save_job
 
 Console = Callable[..., Any]

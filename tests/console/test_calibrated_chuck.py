@@ -12,24 +12,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.session.calibrated_chuck import CalibratedMachine, calibrated, calibrated_or_stated, warnings_of
-from console.session.stop_records import record_path
+from console.session.data.calibrated_chuck import CalibratedMachine, calibrated, calibrated_or_stated, warnings_of
+from console.session.data.stop_records import record_path
 from console.text.catalogue import load as catalogue
 from console.tui.lines import plain
 from console.tui.pages.setup_lines import finding_lines
-from drivers.cut import Strategy, first_spindle_counts, plan_cut
+from drivers.commissioning.fingerprint import ours, read_fingerprint
+from drivers.commissioning.stop_record import stop_key
+from drivers.cutting.planning import Strategy, first_spindle_counts, plan_cut
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.pmac.configuration.fingerprint import ours, read_fingerprint
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.stop_record import stop_key
 from profiles.calibration.contact import bending_um, contact_um
 from profiles.chucking.advice import clamping_advice
 from profiles.confidence import student
 from profiles.job import Job
-from profiles.machine import MachineProfile
-from profiles.machine_signature import iron_problems
+from profiles.machine import MachineProfile, iron_problems
 from profiles.problem import ProfileError
 from profiles.rules import Severity, check, lobe_as_found
 from profiles.store import BUNDLED_MACHINES, load_job, load_machine

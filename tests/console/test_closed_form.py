@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from console.session.closed_form import closed_form
-from console.session.outlook import INVERTING, outlook
-from console.session.preview import preview
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from drivers.identification.nominal import path_response
-from profiles.compensation import CutPath, Wave
+from drivers.preview.closed_form import closed_form
+from drivers.preview.outlook import INVERTING, outlook
+from drivers.preview.preview import preview
+from profiles.axis.servo import sampled_response
+from profiles.compensations.path import CutPath, Wave
 from profiles.problem import ProblemError
-from profiles.servo import sampled_response
 from profiles.store import load_job, load_machine
 
 MACHINE = load_machine("lee-2001-lathe").machine

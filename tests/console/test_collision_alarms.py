@@ -9,15 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from console.session.alarms import Priority
-from console.session.collisions import collision_problems
-from console.session.intents import Acknowledge, ConfirmClamping, Start, SwitchOff
-from console.session.state import Activity, StationState
+from console.session.station.alarms import Priority, collision_problems
+from console.session.station.intents import Acknowledge, ConfirmClamping, Start, SwitchOff
+from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from drivers.errors import RefusedError
+from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
 from drivers.simulator.plant.collision import CollisionKind
-from drivers.snapshot import AxisName
 from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.drivers.test_collisions import printed_program

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.console_lock import ConsoleLock, take_lock
 from console.session.errors import SessionError
+from console.session.station.owning import ConsoleLock, take_lock
 from tests.console.consoles import ADDRESS
 
 HOLDS_AND_DIES = """

@@ -15,10 +15,10 @@ import pytest
 
 import console as package
 from console.cli.card_access import Card
-from drivers.pmac.configuration.check import Group, Outcome
-from drivers.pmac.configuration.proofs.bench import names_of
-from drivers.pmac.configuration.setting_names import Nature, keys
-from drivers.pmac.configuration.stops import RunOn
+from drivers.commissioning.check import Group, Outcome
+from drivers.commissioning.proofs.bench import names_of
+from drivers.commissioning.setting_names import Nature, keys
+from drivers.commissioning.stops import RunOn
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, commissioned, of_family
@@ -197,7 +197,7 @@ def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
     assert stop_lines(said) == {"stops_other_settings": "warned"}
     card.tell("I219=0.1")
     # Ramps of the card that are longer than what was read back makes of them.
-    bounds = "drivers.pmac.configuration.proofs.stop_bounds.after_abort"
+    bounds = "drivers.commissioning.proofs.stop_results.after_abort"
     monkeypatch.setattr(bounds, lambda speed, rate, late_ms: RunOn(0.0, 0.0))
     assert console("doctor", "--prove", "--yes").code == 1
     assert not file.exists()
@@ -236,8 +236,8 @@ def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) 
 
 
 def test_a_backup_of_another_family_is_refused(console: Console, card: Commissioned, tmp_path: Path) -> None:
-    from drivers.pmac.configuration.backup_text import backup_text
-    from drivers.pmac.configuration.configuration import Configuration
+    from drivers.commissioning.backup_text import backup_text
+    from drivers.commissioning.configuration import Configuration
 
     other = "turbo" if card.dialect.name == "pmac" else "pmac"
     file = tmp_path / "other.pmac"

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import ConfirmClamping, Hold, Jog, Recover, Retract, Start, SwitchOff
-from console.session.progress import CutStage
 from console.session.stages import Stage
-from console.session.state import StationState
-from drivers.snapshot import AxisName
+from console.session.station.intents import ConfirmClamping, Hold, Jog, Recover, Retract, Start, SwitchOff
+from console.session.station.progress import CutStage
+from console.session.station.state import StationState
+from drivers.lathe.snapshot import AxisName
 from tests.console.floor import Floor, experiment_1, open_floor
 
 JOB = experiment_1()

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Hold, Home, Jog, Measure, Recover, Start, SwitchOn
-from console.session.record_file import FILE_NAME
-from console.session.state import Activity, StationState
-from drivers.cut import Strategy
-from drivers.snapshot import AxisName
+from console.session.data.record_file import FILE_NAME
+from console.session.station.intents import Hold, Home, Jog, Measure, Recover, Start, SwitchOn
+from console.session.station.state import Activity, StationState
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import AxisName
 from tests.console.floor import Floor, experiment_1, open_floor
 
 LONG_MM = 1.0

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from console.session.errors import SessionError
-from console.session.lessons import Taught, taught
-from drivers.cut import Strategy, plan_cut
+from console.session.learning.lessons import Taught, taught
+from drivers.cutting.planning import Strategy, plan_cut
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace

@@ -14,21 +14,20 @@ from typing import Any
 
 import pytest
 
-from console.session import calibrations, identified, learned_store, stop_records
-from console.session.calibrated_chuck import calibrated
-from console.session.calibrations import Calibration
-from console.session.history import last_results
-from console.session.learned_store import asked_for
-from console.session.made_parts import cuts_of, parts_made
-from console.session.paths import data_folder
-from console.session.records import RunRecord
+from console.session.data import calibrations, identified, learned_store, stop_records
+from console.session.data.calibrated_chuck import calibrated
+from console.session.data.calibrations import Calibration
+from console.session.data.kept_files import data_folder
+from console.session.data.learned_store import asked_for
+from console.session.data.made_parts import cuts_of, parts_made
+from console.session.data.records import RunRecord, last_results
 from drivers.errors import DriverError
 from drivers.pmac.dialect import DIALECTS
+from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.saved_state import Flash
 from profiles.calibration.wrench import fit_wrench
-from profiles.compensation import CutPath, Wave, wanted_path
-from profiles.learned import LearnedCompensation, PartRead
+from profiles.compensations.learned import LearnedCompensation, PartRead
+from profiles.compensations.path import CutPath, Wave, wanted_path
 from profiles.own_values import DEPTH_CAP, from_json
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine

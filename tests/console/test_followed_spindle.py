@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
+from console.session.cut.interlocks import of_zero
+from console.session.cut.run import plan_run
+from console.session.cut.sequence import Shop, cut_part
 from console.session.errors import SessionError
-from console.session.interlocks import of_zero
-from console.session.run import plan_run
-from console.session.sequence import Shop, cut_part
-from drivers.cut import Strategy
-from drivers.heartbeat import Heartbeat, cut_condition
-from drivers.lathe import Lathe
+from drivers.cutting.planning import Strategy
+from drivers.lathe.heartbeat import Heartbeat, cut_condition
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
 from profiles.store import load_job, load_machine

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from console.session.foreseen import Band, predicted_band
-from console.session.outlook import outlook
-from console.session.preview import Asked, program_of, underway
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
+from drivers.preview.band import Band, predicted_band
+from drivers.preview.outlook import outlook
+from drivers.preview.preview import Asked, program_of, underway
 from drivers.simulator.plant.presets import plant_named
 from profiles.job import Job
 from profiles.machine import MachineProfile

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from console.session.history import last_results
-from console.session.record_file import FILE_NAME
-from console.session.records import RunRecord
+from console.session.data.record_file import FILE_NAME
+from console.session.data.records import RunRecord, last_results
 
 
 def run(folder: Path, *measured: dict[str, object], simulated: bool = True) -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from console.session.identified import load, store
+from console.session.data.identified import load, store
 from drivers.cutting.plan import Strategy
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_table, from_table
 from profiles.problem import ProfileError

@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 
 from console.cli.identified_lines import Teller
-from console.session.identified import load
-from console.session.owning import Owning
-from console.session.reaching import Reached
+from console.session.data.identified import load
 from console.session.signals import Interruption
+from console.session.station.owning import Owning
+from console.session.station.reaching import Reached
 from console.text.catalogue import load as words
 from drivers.cutting.plan import Strategy
-from drivers.heartbeat import Heartbeat
 from drivers.identification.request import IdentificationRequest
+from drivers.lathe.heartbeat import Heartbeat
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.console.test_identified_store import POINT, RESPONSE
@@ -50,7 +50,7 @@ def iron(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data: Path) -
             close=lambda: None,
         )
 
-    monkeypatch.setattr("console.session.reaching.reach", reach)
+    monkeypatch.setattr("console.session.station.reaching.reach", reach)
     return made
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from console.session.alignment import Alignment, TouchOff, clamping_of
-from console.session.jogging import (
+from console.session.cut.alignment import Alignment, TouchOff, clamping_of
+from console.session.station.jogging import (
     STEPS_DEG,
     STEPS_MM,
     is_too_long,
@@ -18,9 +18,9 @@ from console.session.jogging import (
     step_of,
     tool_radius_mm,
 )
+from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.pmac.trajectory.jog import JogSettings, jog_to
 from drivers.pmac.trajectory.pieces import Piece, position_at, velocity_at
-from drivers.snapshot import AxisName, AxisState, Snapshot
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
 

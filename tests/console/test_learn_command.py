@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from console.cli.parser import build
+from console.cli.run import learn_hint, tell_cut_with
 from console.cli.run_order import ordered
-from console.cli.run_part import learn_hint, tell_cut_with
+from console.session.data.made_parts import MadeWith, made_with
 from console.session.errors import SessionError
-from console.session.made_parts import MadeWith, made_with
 from console.text.catalogue import load
 from tests.signed_profile import signed_copy
 from tests.system.lathe_sites import compact_text

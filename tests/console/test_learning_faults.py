@@ -8,23 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from console.session import learning
-from console.session.learning import learn
-from console.session.run import plan_run
-from console.session.sequence import Shop, Step
+from console.session.cut.run import plan_run
+from console.session.cut.sequence import Shop, Step
+from console.session.learning import learning
+from console.session.learning.learning import learn
 from console.text.catalogue import load
-from drivers import cut
-from drivers.cut import Strategy
-from drivers.heartbeat import Heartbeat, cut_condition
-from drivers.lathe import Lathe
+from drivers.cutting import planning
+from drivers.cutting.planning import Strategy
+from drivers.lathe.heartbeat import Heartbeat, cut_condition
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.snapshot import Snapshot
-from drivers.stop import StopPath
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
 from tests.compact import compact_machine
@@ -153,7 +153,7 @@ def test_an_axis_that_needs_more_than_friction_takes_is_named_in_air(monkeypatch
     def off(*_: object, **__: object) -> tuple[Problem, ...]:
         return (Problem(code="path.beyond", key="command", value="60.0 um", limit="<= 41.8 um"),)
 
-    monkeypatch.setattr(cut, "path_problems", off)
+    monkeypatch.setattr(planning, "path_problems", off)
     plan = plan_run(replace(JOB, cut_length_mm=0.5), MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
     with pytest.raises(ProblemError) as refused:
         learn(plan, Row(lambda _: None).shop, lambda *_: None, 1)

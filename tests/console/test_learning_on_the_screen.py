@@ -10,8 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.session.data.learned_store import asked_for, store
+from console.session.data.made_parts import cuts_of, parts_made
 from console.session.errors import SessionError
-from console.session.intents import (
+from console.session.learning.part_lesson import PartLesson, accept, lesson_of, revert
+from console.session.stages import Stage, nominal_path
+from console.session.station.intents import (
     Arm,
     ConfirmClamping,
     Disarm,
@@ -24,15 +28,11 @@ from console.session.intents import (
     TakeJaw,
     TakeTouchOff,
 )
-from console.session.learned_store import asked_for, store
-from console.session.made_parts import cuts_of, parts_made
-from console.session.part_lesson import PartLesson, accept, lesson_of, revert
-from console.session.progress import CutStage
-from console.session.stages import Stage, nominal_path
-from console.session.state import Armed, MeasuredPart, StationState
-from drivers.cut import Strategy
-from drivers.snapshot import AxisName
-from profiles.learned import LearnedCompensation, model_again
+from console.session.station.progress import CutStage
+from console.session.station.state import Armed, MeasuredPart, StationState
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import AxisName
+from profiles.compensations.learned import LearnedCompensation, model_again
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 from profiles.traces import Trace, write_trace
 from tests.console.floor import Floor, open_floor
@@ -227,7 +227,8 @@ def test_a_cut_in_air_leaves_the_blank_as_it_was(shop: Shop) -> None:
 def test_a_part_that_teaches_nothing_says_why(shop: Shop, change: dict[str, Any], code: str) -> None:
     angle_deg = np.arange(360.0)
     trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3.0 * angle_deg)), meta={"simulated": "yes"})
-    found = lesson_of(shop.armed(**change), trace, shop.machine, shop.data)
+    armed = shop.armed(**change)
+    found = lesson_of(armed.loaded, armed.job.name, armed.made, trace, shop.machine, shop.data)
     assert found.taught is None and [problem.code for problem in found.problems] == [code]
     with pytest.raises(SessionError, match=code.replace(".", r"\.")):
         accept(found, shop.data)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Acknowledge, Home, Intent, SwitchOn
-from console.session.link_thread import LinkThread, Opened
-from console.session.state import Activity, StationState
+from console.session.station.intents import Acknowledge, Home, Intent, SwitchOn
+from console.session.station.link_thread import LinkThread, Opened
+from console.session.station.state import Activity, StationState
 from drivers.errors import LinkError
 from profiles.problem import Problem
 from tests.console.floor import Floor, open_floor

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from console.session.alignment import JawAngle, TouchOff, clamping_of, problems
-from console.session.intents import (
+from console.session.cut.alignment import JawAngle, TouchOff, clamping_of, problems
+from console.session.data.made_parts import MadeWith
+from console.session.station.intents import (
     Approach,
     Arm,
     ConfirmClamping,
@@ -29,14 +30,13 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
-from console.session.link_thread import LinkThread, Opened
-from console.session.made_parts import MadeWith
-from console.session.orders import ORDERS
-from console.session.state import Activity, Armed
-from drivers.cut import Strategy, plan_cut
+from console.session.station.link_thread import LinkThread, Opened
+from console.session.station.orders import ORDERS
+from console.session.station.state import Activity, Armed
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName, Snapshot
-from drivers.standing import Standing
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
 from tests.console.floor import experiment_1

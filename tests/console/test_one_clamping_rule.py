@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.cli.clamping import span_fields, span_words
-from console.session.calibrated_chuck import calibrated
-from console.session.paths import machines_folder
+from console.cli.predict import span_fields, span_words
+from console.session.data.calibrated_chuck import calibrated
+from console.session.data.kept_files import machines_folder
 from console.session.work import opened
 from console.text.catalogue import load
 from console.tui.lines import plain

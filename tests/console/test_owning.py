@@ -10,9 +10,9 @@ import pytest
 
 from console.session.errors import SessionError
 from drivers.errors import RefusedError
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName, Snapshot
-from drivers.standing import Standing
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 from profiles.store import load_machine

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.intents import Acknowledge, Recover, Retract, Start, SwitchOff
-from console.session.phase import Phase, is_in_phase, phase_limit_deg
-from console.session.progress import CutStage
-from drivers.cut import Strategy
-from drivers.snapshot import Snapshot
-from profiles.compensation import LobedPath
+from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg
+from console.session.station.intents import Acknowledge, Recover, Retract, Start, SwitchOff
+from console.session.station.progress import CutStage
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import Snapshot
+from profiles.compensations.path import LobedPath
 from tests.console.floor import Floor, experiment_1, open_floor
 
 

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.session.foreseen import predicted_band
-from console.session.predicted import predict
-from console.session.preview import preview
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.identification.nominal import path_response
 from drivers.identification.result import SCHEMA
-from profiles.response import ServoResponse, identified_response
+from drivers.preview.band import predicted_band
+from drivers.preview.preview import preview
+from drivers.preview.program_prediction import predict
+from profiles.axis.response import ServoResponse, identified_response
+from profiles.axis.servo import sampled_response
 from profiles.rules import check, refusals
-from profiles.servo import sampled_response
 from profiles.store import load_job, load_machine
 
 Console = Callable[..., Any]

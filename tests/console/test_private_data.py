@@ -9,12 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from console.session import identified, stop_records
-from console.session.calibrations import keep_job
-from console.session.console_lock import take_lock
-from console.session.owning import LOG_NAME
-from console.session.paths import jobs_folder
-from console.session.records import RunRecord
+from console.session.data import identified, stop_records
+from console.session.data.calibrations import keep_job
+from console.session.data.kept_files import jobs_folder
+from console.session.data.records import RunRecord
+from console.session.station.owning import LOG_NAME, take_lock
 from console.session.work import opened, saved_as
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe

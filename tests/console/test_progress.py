@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.intents import Start
-from console.session.phase import phase_of
-from console.session.progress import CutProgress, CutStage
-from profiles.compensation import LobedPath
+from console.session.cut.phase import phase_of
+from console.session.station.intents import Start
+from console.session.station.progress import CutProgress, CutStage
+from profiles.compensations.path import LobedPath
 from tests.console.floor import experiment_1, open_floor
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=40.0)

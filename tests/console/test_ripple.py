@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from console.session.intents import Start
-from console.session.ripple import ORDERS, WITHIN_LIMIT_PERCENT, spindle_ripple
-from drivers.cut import Strategy
+from console.session.station.intents import Start
+from console.session.station.ripple import ORDERS, WITHIN_LIMIT_PERCENT, spindle_ripple
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.spindle import Spindle
-from drivers.snapshot import Snapshot
 from tests.console.floor import experiment_1, open_floor
 from tests.drivers.conftest import Recorder
 

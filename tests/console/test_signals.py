@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 
 from console.session.errors import Interrupted
-from console.session.machine_run import guard, leave
 from console.session.signals import Interruption
+from console.session.station.reaching import guard, leave
 from drivers.errors import RefusedError
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import Snapshot
-from drivers.standing import NOBODY, Standing
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, OneConsole, console_of

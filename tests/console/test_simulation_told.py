@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.cli.library import iron_told, simulation_told
 from console.cli.parser import build
-from console.cli.simulation import iron_told, simulation_told
 from console.text.catalogue import load
 from drivers.link.address import SimulatedAddress
+from drivers.simulator.hosts.process import SimulatorProcess
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
-from drivers.simulator.process import SimulatorProcess
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import load_job, load_machine

@@ -13,10 +13,10 @@ from console.cli.parser import DIALECTS as OFFERED
 from console.cli.parser import PLANTS as OFFERED_PLANTS
 from drivers.link.address import TcpAddress
 from drivers.pmac.dialect import DIALECTS
-from drivers.simulator.control_address import UnixAddress
+from drivers.simulator.hosts.control_address import UnixAddress
+from drivers.simulator.hosts.server import Listeners
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import PLANTS
-from drivers.simulator.server import Listeners
 
 Console = Callable[..., Any]
 TCP = ("--tcp", "127.0.0.1:1025")
@@ -32,7 +32,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Listeners, float]]:
         ready("tcp:127.0.0.1:1025")
         ready("serial:/dev/pts/7")
 
-    monkeypatch.setattr("drivers.simulator.server.serve", serve)
+    monkeypatch.setattr("drivers.simulator.hosts.server.serve", serve)
     return calls
 
 
@@ -139,7 +139,7 @@ def test_a_file_that_save_did_not_write_is_refused_before_anything_listens(
 def lathes(monkeypatch: pytest.MonkeyPatch) -> list[SimulatedLathe]:
     """The lathes that were to be served, by a server that ends at once."""
     served: list[SimulatedLathe] = []
-    monkeypatch.setattr("drivers.simulator.server.serve", lambda lathe, *_: served.append(lathe))
+    monkeypatch.setattr("drivers.simulator.hosts.server.serve", lambda lathe, *_: served.append(lathe))
     return served
 
 

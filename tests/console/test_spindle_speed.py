@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.spindle import SpindleWatch
-from drivers.snapshot import AxisState, Snapshot
+from console.session.station.progress import SpindleWatch
+from drivers.lathe.snapshot import AxisState, Snapshot
 
 HOMED = frozenset({"home_complete"})
 

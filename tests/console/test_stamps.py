@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.clearance import tool_in_part
-from console.session.intents import (
+from console.session.station.intents import (
     Approach,
     ConfirmClamping,
     Home,
@@ -18,8 +17,9 @@ from console.session.intents import (
     SwitchOn,
     TakeJaw,
 )
-from console.session.state import StationState
-from drivers.snapshot import AxisName
+from console.session.station.jogging import tool_in_part
+from console.session.station.state import StationState
+from drivers.lathe.snapshot import AxisName
 from tests.console.floor import Floor, experiment_1, open_floor
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Acknowledge, Home, Jog, Recover, SwitchOff, SwitchOn
-from console.session.state import Activity
-from drivers.snapshot import AxisName
+from console.session.station.intents import Acknowledge, Home, Jog, Recover, SwitchOff, SwitchOn
+from console.session.station.state import Activity
+from drivers.lathe.snapshot import AxisName
 from tests.console.floor import Floor, open_floor
 
 OFF = Jog(axis=AxisName.CARRIAGE, distance=-1.0)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import (
+from console.session.station.intents import (
     Approach,
     ConfirmClamping,
     Forget,
@@ -23,12 +23,12 @@ from console.session.intents import (
     SwitchOn,
     TakeTouchOff,
 )
-from console.session.progress import CutStage
-from console.session.state import Activity, StationState
-from drivers.cut import Strategy
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity, StationState
+from drivers.cutting.planning import Strategy
 from drivers.errors import LinkError
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.snapshot import AxisName, Snapshot
 from profiles.problem import Problem
 from tests.console.floor import Floor, experiment_1, open_floor
 

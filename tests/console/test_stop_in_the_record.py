@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Recover, Start
-from console.session.progress import CutStage
+from console.session.station.intents import Recover, Start
+from console.session.station.progress import CutStage
 from drivers.errors import LinkError
 from profiles.problem import Problem
 from tests.console.floor import Floor, experiment_1, open_floor

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.intents import Recover, Retract, Start
-from console.session.progress import CutStage
-from console.session.state import Activity
-from drivers.cut import Strategy
+from console.session.station.intents import Recover, Retract, Start
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity
+from drivers.cutting.planning import Strategy
 from tests.console.floor import experiment_1, open_floor
 
 

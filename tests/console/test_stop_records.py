@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.stop_records import (
+from console.session.data.stop_records import (
     load,
     record_path,
     simulated_record,
@@ -24,9 +24,9 @@ from console.session.stop_records import (
     withdraw,
 )
 from console.text.catalogue import load as load_words
+from drivers.commissioning.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops
 from drivers.link.base import StopWay
 from drivers.pmac.dialect import PMAC
-from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 from profiles.store import load_machine

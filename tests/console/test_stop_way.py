@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from console.cli.card_access import Card
-from console.cli.stop_checks import keep_stops, stop_checks
-from console.session.intents import Start
-from console.session.stop_records import load
+from console.cli.doctor import keep_stops, stop_checks
+from console.session.data.stop_records import load
+from console.session.station.intents import Start
+from drivers.commissioning.check import Outcome
+from drivers.commissioning.proofs.proving import Proven
+from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.link.base import StopWay
-from drivers.pmac.configuration.check import Outcome
-from drivers.pmac.configuration.proofs.proving import Proven
-from drivers.stop_record import Origin, StopEntry, Way, needed_stops
 from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.drivers.commissioned import commissioned

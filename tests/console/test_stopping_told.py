@@ -10,17 +10,17 @@ from typing import Any, cast
 import pytest
 
 from console.cli.stopping import END_WITHIN_S, TICK_S, Stopping
-from console.session.link_thread import LinkThread
-from console.session.machine_run import guard, leave
 from console.session.signals import LEAVE_WITHIN_S, Interruption
+from console.session.station.link_thread import LinkThread
+from console.session.station.reaching import guard, leave
 from console.text.catalogue import LANGUAGES, load
 from console.tui import start
 from drivers.errors import DriverError
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standstill import COAST_TIMEOUT_S
+from drivers.lathe.stop import StopPath
 from drivers.link.base import StopWay
-from drivers.resting import COAST_TIMEOUT_S
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import Snapshot
-from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, OneConsole, console_of

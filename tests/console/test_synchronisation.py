@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.intents import Start
-from console.session.progress import CutProgress, CutStage, CutWatch
-from console.session.synchronisation import Synchronisation, before_part, in_part
-from drivers.cut import Strategy, plan_cut
-from drivers.snapshot import driven_axes
+from console.session.station.intents import Start
+from console.session.station.progress import CutProgress, CutStage, CutWatch, Synchronisation, before_part, in_part
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.snapshot import driven_axes
 from profiles.store import load_machine
 from tests.console.floor import experiment_1, open_floor
 from tests.drivers.cut_floor import with_inverter

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Disarm, Recover, Retract, Start
-from console.session.progress import CutStage
-from drivers.cut import Strategy
+from console.session.station.intents import Disarm, Recover, Retract, Start
+from console.session.station.progress import CutStage
+from drivers.cutting.planning import Strategy
 from tests.console.floor import Floor, experiment_1, open_floor
 
 JOB = experiment_1(2.0)

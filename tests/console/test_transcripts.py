@@ -15,16 +15,16 @@ from random import Random
 
 import pytest
 
-from console.session.sequence import CutOutcome, Shop, cut_part
-from drivers.cut import Strategy, plan_cut
-from drivers.heartbeat import Heartbeat
-from drivers.lathe import Lathe
+from console.session.cut.sequence import CutOutcome, Shop, cut_part
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.link.trace import TracedLink
-from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.stop import StopPath
 from profiles.roundness import evaluate
 from profiles.store import load_job
 from tests.console.folding import exchanges, folded

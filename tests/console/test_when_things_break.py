@@ -10,18 +10,18 @@ from typing import Any
 
 import pytest
 
+from console.session.cut.run import plan_run
+from console.session.cut.sequence import Shop, Step, cut_part
+from console.session.data.records import RunRecord
 from console.session.errors import SessionError
-from console.session.records import RunRecord
-from console.session.run import plan_run
-from console.session.sequence import Shop, Step, cut_part
 from console.text.catalogue import load
-from drivers.cut import CutPlan, Strategy
-from drivers.lathe import Lathe
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.store import load_job, load_machine
 

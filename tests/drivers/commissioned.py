@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.proofs.bench import ProofBench
+from drivers.commissioning.verification import Verification, verify
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.pmac.configuration.check import Check, Outcome
-from drivers.pmac.configuration.proofs.bench import ProofBench
-from drivers.pmac.configuration.verification import Verification, verify
 from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
-from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from tests.drivers.families import of_family as of_family
 

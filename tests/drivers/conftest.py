@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import pytest
 
-from drivers.cut import CutPlan
-from drivers.lathe import Lathe
+from drivers.cutting.planning import CutPlan
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
+from drivers.simulator.card.servo import Axis
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
-from drivers.simulator.port import Port
-from drivers.simulator.servo import Axis
-from drivers.snapshot import AxisName
-from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters

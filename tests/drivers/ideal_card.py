@@ -14,10 +14,10 @@ from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.settings import settings_with
-from drivers.simulator.controller import Controller
-from drivers.simulator.coordinate import CoordinateSystem
-from drivers.simulator.motor import Motor
-from drivers.simulator.program_buffer import ProgramBuffer
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.coordinate import CoordinateSystem
+from drivers.simulator.card.motor import Motor
+from drivers.simulator.card.program_buffer import ProgramBuffer
 
 CYCLE_MS = 3_713_707 / 8_388_608
 """The factory's servo cycle."""

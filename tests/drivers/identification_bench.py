@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from random import Random
 
-from drivers.heartbeat import Heartbeat
 from drivers.identification.identify import origin_of, take_up
 from drivers.identification.result import Origin
 from drivers.identification.rig import Rig
-from drivers.lathe import Lathe
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
-from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
-from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import HeardPort
 

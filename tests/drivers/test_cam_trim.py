@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.errors import DriverError
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, trim_line
 from profiles.machine import MachineProfile

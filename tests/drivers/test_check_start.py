@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.analysis.findings import Code, Level
 from drivers.pmac.analysis.program import check_program
 from drivers.pmac.analysis.start import Source, read_start, start_comment

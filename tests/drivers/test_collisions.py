@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.snapshot import AxisName
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import (
     Clamped,
@@ -20,7 +21,6 @@ from drivers.simulator.plant.collision import (
     clamped,
 )
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Bench, JobMaker, TrueBenchMaker
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.simulator.connection import SLOW_READER, UNREAD_LIMIT, Begin, Connection, PlainStream
 from drivers.simulator.ethernet.board import Board
 from drivers.simulator.ethernet.session import EthernetSession
-from drivers.simulator.port import INBOX_LIMIT
-from drivers.simulator.real_time import Host
+from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, Begin, Connection, PlainStream
+from drivers.simulator.hosts.port import INBOX_LIMIT
+from drivers.simulator.hosts.real_time import Host
 
 if TYPE_CHECKING:
     from drivers.simulator.machine import SimulatedLathe

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.simulator.control_address import UnixAddress
-from drivers.simulator.control_socket import LINES_A_TURN, ControlHost, listen_for_control
+from drivers.simulator.hosts.control_address import UnixAddress
+from drivers.simulator.hosts.control_socket import LINES_A_TURN, ControlHost, listen_for_control
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.test_connections import Network

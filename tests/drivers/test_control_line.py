@@ -7,11 +7,11 @@ import re
 
 import pytest
 
-from drivers.simulator.channel import answer as answer_on_channel
-from drivers.simulator.control_line import answer
+from drivers.lathe.snapshot import AxisName
+from drivers.simulator.hosts.channel import answer as answer_on_channel
+from drivers.simulator.hosts.control_line import answer
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Bench, JobMaker
 from tests.drivers.test_spindle_drives import with_inverter

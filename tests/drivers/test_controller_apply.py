@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.commissioning.applying import apply
+from drivers.commissioning.gains import gain_writes
+from drivers.commissioning.reading import read_configuration, whole_card
+from drivers.commissioning.verification import checks_of
 from drivers.errors import DriverError, RefusedError
-from drivers.pmac.configuration.applying import apply
-from drivers.pmac.configuration.gains import gain_writes
-from drivers.pmac.configuration.reading import read_configuration, whole_card
-from drivers.pmac.configuration.verification import checks_of
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import Commissioned, commissioned
 from tests.drivers.families import machine as machine  # both families

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.commissioning.backup_reading import read_backup
+from drivers.commissioning.backup_text import END_OF_HEADER, TITLE, backup_text
+from drivers.commissioning.comparison import differences
+from drivers.commissioning.configuration import AxisEntry, Configuration, digest
+from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.errors import RefusedError
-from drivers.pmac.configuration.backup_reading import read_backup
-from drivers.pmac.configuration.backup_text import END_OF_HEADER, TITLE, backup_text
-from drivers.pmac.configuration.comparison import differences
-from drivers.pmac.configuration.configuration import AxisEntry, Configuration, digest
-from drivers.pmac.configuration.reading import read_configuration, whole_card
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.reserved import MARKER
 from profiles.machine import MachineProfile

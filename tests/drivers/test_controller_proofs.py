@@ -8,21 +8,20 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.proofs.bench import names_of
+from drivers.commissioning.proofs.motion import pvt_rounding
+from drivers.commissioning.proofs.proving import prove, servo_rate
+from drivers.commissioning.proofs.tables import compensation_edge, roll_over, table_zero
+from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.errors import DriverError, LinkError
-from drivers.pmac.configuration.check import Check, Outcome
-from drivers.pmac.configuration.proofs.bench import names_of
-from drivers.pmac.configuration.proofs.motion import pvt_rounding
-from drivers.pmac.configuration.proofs.proving import prove
-from drivers.pmac.configuration.proofs.tables import compensation_edge, roll_over, table_zero
-from drivers.pmac.configuration.proofs.timing import servo_rate
-from drivers.pmac.configuration.reading import read_configuration, whole_card
+from drivers.lathe.stop import StoppedError
 from drivers.pmac.heartbeat.registers import definitions
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
-from drivers.simulator.leads import Leads
+from drivers.simulator.card.leads import Leads
+from drivers.simulator.card.motor import Motor
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.motor import Motor
-from drivers.stop import StoppedError
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, Watched, commissioned

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.pmac.configuration.card_state import CardState, state_checks
-from drivers.pmac.configuration.check import Check, Group, Outcome
-from drivers.pmac.configuration.stops import after_abort, after_jog_stop
+from drivers.commissioning.card_state import CardState, state_checks
+from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.stops import after_abort, after_jog_stop
 from drivers.pmac.dialect import Setting
 from drivers.pmac.trajectory.jog import JogSettings
 from profiles.machine import MachineProfile

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from drivers.simulator.plant.true_parameters import ideal
 from tests.drivers.close_together import machine as machine
 from tests.drivers.cut_floor import CutFloor, short

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.table_state import switch_off, table_problems
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
-from profiles.compensation import wanted_path
+from profiles.compensations.path import wanted_path
 from profiles.problem import ProblemError
 from tests.drivers.close_together import machine as machine
 from tests.drivers.cut_floor import FAMILIES, CutFloor, Track, of_family, short, with_inverter

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cut import Strategy, plan_cut
 from drivers.cutting.corrected import with_table
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.check import CheckedMove, CheckedProgram, extent
 from drivers.pmac.compensation.table import step_counts
 from drivers.pmac.compensation.table_text import table_lines
@@ -22,7 +22,7 @@ from drivers.pmac.programs.setup import cut_setup
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planned import MoveRecord
-from profiles.compensation import LobedPath, wanted_path
+from profiles.compensations.path import LobedPath, wanted_path
 from profiles.store import load_job, load_machine
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.cut import Strategy, nominal_command, plan_cut
+from drivers.cutting.planning import Strategy, nominal_command, plan_cut
 from drivers.identification.fit import unfit_problems
 from drivers.identification.nominal import nominal_response
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_response
+from profiles.axis.servo import sampled_response
 from profiles.problem import ProfileError
-from profiles.servo import sampled_response
 
 if TYPE_CHECKING:
     from profiles.machine import MachineProfile

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.errors import DriverError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
 from drivers.pmac.settings import settings_with
-from profiles.compensation import CutPath, Wave, wanted_path
+from profiles.axis.servo import sampled_response
+from profiles.compensations.path import CutPath, Wave, wanted_path
 from profiles.problem import ProblemError
 from profiles.rules import Severity
-from profiles.servo import sampled_response
 
 if TYPE_CHECKING:
     from profiles.job import Job

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS, PMAC
 from drivers.pmac.programs.timebase import spindle_clock
 from profiles.problem import ProblemError

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from drivers.pmac.settings import settings_with
-from drivers.simulator.control_line import answer
-from drivers.simulator.drives import Drives, build_drives
+from drivers.simulator.hosts.control_line import answer
+from drivers.simulator.plant.drives import Drives, build_drives
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import RefusedError
-from drivers.simulator.channel import answer as answer_on_channel
-from drivers.simulator.control_line import answer
 from drivers.simulator.faults.catalogue import CATALOGUE, Fault
 from drivers.simulator.faults.parameter import Parameter, Value
+from drivers.simulator.hosts.channel import answer as answer_on_channel
+from drivers.simulator.hosts.control_line import answer
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 

@@ -7,8 +7,8 @@ import pytest
 from drivers.errors import LinkError, LinkTimeoutError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
+from drivers.simulator.hosts.port import INBOX_LIMIT
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import INBOX_LIMIT
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Bench
 from tests.drivers.wire_card import CYCLE_S, Wire, wire

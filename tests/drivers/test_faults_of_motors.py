@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import pytest
 
+from drivers.lathe.snapshot import AxisName
 from drivers.pmac.dialect import PMAC, TURBO
 from drivers.pmac.language.text import format_number
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.snapshot import AxisName
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Bench, TrueBenchMaker
 from tests.drivers.wire_card import wire

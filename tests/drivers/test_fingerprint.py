@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.cut import plan_cut
+from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.cutting.plan import Strategy
-from drivers.heartbeat import Heartbeat
-from drivers.pmac.configuration.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
+from drivers.cutting.planning import plan_cut
+from drivers.lathe.heartbeat import Heartbeat
 from drivers.pmac.program_load import load_program
 from profiles.machine import MachineProfile
 from profiles.store import load_job
@@ -103,7 +103,7 @@ def test_what_the_console_does_for_a_cut_is_no_change(machine: MachineProfile, s
 
 
 def test_proving_stops_is_no_change(machine: MachineProfile) -> None:
-    from drivers.pmac.configuration.proofs.proving import prove
+    from drivers.commissioning.proofs.proving import prove
 
     card, before = prepared(machine)
     prove(card.client, card.stop, card.sim, card.verify())

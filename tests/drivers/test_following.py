@@ -9,8 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.master.converted_position import parts_of, register_change
-from drivers.pmac.master.following import Following, FollowingMode, FollowingSetup, in_counts
+from drivers.pmac.master.following import (
+    Following,
+    FollowingMode,
+    FollowingSetup,
+    in_counts,
+    parts_of,
+    register_change,
+)
 
 ROLL = 2**24
 

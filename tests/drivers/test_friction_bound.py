@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from drivers.pmac.settings import settings_with
-from drivers.simulator.drives import build_drives
+from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.true_parameters import ideal
-from profiles.friction import friction_um_pp, sampled_compliance_um_per_n
+from profiles.axis.friction import friction_um_pp, sampled_compliance_um_per_n
+from profiles.axis.servo import sampled_response
 from profiles.machine import MachineProfile
-from profiles.servo import sampled_response
 from tests.drivers.test_twin import COUNTS_PER_UM, CYCLE_S, pushed_um
 
 

@@ -14,7 +14,7 @@ from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.memory import Pointer
 from drivers.pmac.variables import VariableStore
-from drivers.simulator.gather_buffer import GatherBuffer
+from drivers.simulator.card.gather_buffer import GatherBuffer
 
 FAMILIES = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=["pmac", "turbo"])
 BITS = {"Y": 24, "X": 24, "D": 48}

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.guards import (
+from drivers.lathe.guards import (
     STALLED_S,
     AxisRange,
     JogGuard,
@@ -15,8 +15,8 @@ from drivers.guards import (
     open_loop_problem,
     reset_problem,
 )
-from drivers.lengths import Lengths
-from drivers.snapshot import AxisName, AxisState, Snapshot
+from drivers.lathe.lengths import Lengths
+from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from profiles.store import load_machine
 
 LENGTHS = Lengths(load_machine("lee-2001-lathe").machine)

@@ -10,7 +10,7 @@ from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.pvt import pvt_program
 from drivers.pmac.programs.setup import cut_setup
-from profiles.compensation import LobedPath
+from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import JobMaker
 from tests.drivers.heartbeat_card import (

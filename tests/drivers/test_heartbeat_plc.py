@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.lease import lease_line, lease_timer, wait_timer
 from drivers.pmac.heartbeat.plc import Policy, plc_lines, plc_text
-from drivers.pmac.plcs.timers import count_down
+from drivers.pmac.plcs.plc import count_down
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.drivers.plc_bench import PlcBench

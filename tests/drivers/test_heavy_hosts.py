@@ -10,8 +10,8 @@ import pytest
 
 from drivers.pmac.dialect import TURBO
 from drivers.pmac.language.syntax import VariableKind
-from drivers.simulator.controller import Controller
-from drivers.simulator.share import LINES_PER_TURN, WORK_PER_CYCLE
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.hosts.share import LINES_PER_TURN, WORK_PER_CYCLE
 from profiles.machine import MachineProfile
 from tests.drivers.wire_board import BoardWire, wire_board
 from tests.drivers.wire_card import CYCLE_S, Wire, wire

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut
-from drivers.lathe import Lathe
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.snapshot import Snapshot
-from drivers.stop import StopPath
-from profiles.compensation import wanted_path
+from profiles.compensations.path import wanted_path
 from profiles.roundness import evaluate
 from tests.drivers.close_families import machine as machine
 

@@ -8,23 +8,23 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.cutting.plan import Strategy
 from drivers.errors import DriverError, LinkError
 from drivers.identification.identify import identify
 from drivers.identification.request import CLEAR_MM, IdentificationRequest
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse
 from drivers.identification.standstill import pushed_mm
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import StoppedError
 from drivers.pmac.client import REPLY_TIMEOUT_S
-from drivers.pmac.configuration.reading import read_configuration, whole_card
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.snapshot import Snapshot
-from drivers.stop import StoppedError
+from profiles.axis.servo import sampled_response
+from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
-from profiles.servo import sampled_response
-from profiles.servo_gains import gains_from_variables
 from profiles.store import load_machine
 from tests.drivers.families import machine as machine  # both families
 from tests.drivers.identification_bench import Stand, ready

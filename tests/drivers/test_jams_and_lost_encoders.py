@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.pmac.settings import settings_with
-from drivers.simulator.drives import Drives, build_drives
+from drivers.simulator.plant.drives import Drives, build_drives
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile
 from tests.drivers.test_spindle_drives import inverter

@@ -8,14 +8,14 @@ from dataclasses import replace
 import pytest
 
 from drivers.errors import DriverError, RefusedError
-from drivers.heartbeat import Heartbeat
-from drivers.lathe import Lathe
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName, Snapshot
-from drivers.stop import StopPath
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.errors import ControllerError, DriverError, LinkError
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
-from drivers.snapshot import AxisName, Snapshot
-from drivers.stop import StopPath, StoppedError
 from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:
+    from drivers.simulator.hosts.port import Port
     from drivers.simulator.machine import SimulatedLathe
-    from drivers.simulator.port import Port
     from profiles.machine import MachineProfile
     from tests.drivers.conftest import Bench
 

@@ -13,17 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.heartbeat import Heartbeat
-from drivers.lathe import Lathe
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.snapshot import AxisName
+from drivers.lathe.stop import ABORT_ALL, KILL_ALL, StopPath, StoppedError
 from drivers.link.memory import MemoryLink
-from drivers.ownership import Ownership
 from drivers.pmac.checksums import ASK, ChecksumForm, LineCheck, checksum, form_of, shown, unmistakable
 from drivers.pmac.client import PmacClient
 from drivers.pmac.exchange import CHECKSUM_TIMEOUT_S
 from drivers.pmac.link_faults import FaultKind
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName
-from drivers.stop import ABORT_ALL, KILL_ALL, StopPath, StoppedError
 from profiles.machine import MachineProfile
 from tests.system.lathe_sites import compact
 

@@ -12,8 +12,8 @@ from drivers.errors import ControllerError, LinkError, LinkTimeoutError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
 from profiles.machine import MachineProfile
 
 Spoil = Callable[[bytes], list[bytes]]

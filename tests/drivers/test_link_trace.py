@@ -15,12 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, LinkError
+from drivers.lathe.stop import StopPath
 from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
 from drivers.link.trace import TracedLink
 from drivers.link.trace_file import TraceFile
 from drivers.pmac.client import PmacClient
-from drivers.stop import StopPath
 from profiles.problem import Problem
 
 if TYPE_CHECKING:

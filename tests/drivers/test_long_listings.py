@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.commissioning.reading import LISTING_TIMEOUT_S, ask_or_none
 from drivers.errors import ControllerError, DriverError, LinkError
 from drivers.pmac.client import PmacClient
-from drivers.pmac.configuration.reading import LISTING_TIMEOUT_S, ask_or_none
 from drivers.pmac.dialect import PMAC
 from tests.drivers.test_link_faults import Bench, Spoil
 from tests.drivers.test_link_faults import bench as bench

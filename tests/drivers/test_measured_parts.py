@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.simulator.plant.true_parameters import ideal
+from profiles.axis.servo import sampled_response
 from profiles.roundness import RoundnessResult, evaluate
-from profiles.servo import sampled_response
 from tests.drivers.close_together import machine as machine
 from tests.drivers.conftest import connected
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.errors import LinkTimeoutError
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
-from drivers.snapshot import AxisName, Snapshot
-from drivers.stop import StopPath
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench

@@ -7,13 +7,13 @@ from random import Random
 import pytest
 
 from drivers.errors import RefusedError
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.standing import Standing
 from drivers.link.memory import MemoryLink
-from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
-from drivers.standing import Standing
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
 

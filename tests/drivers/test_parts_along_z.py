@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut
 from drivers.cutting.path_seen import PathSeen
-from drivers.snapshot import AxisState, Snapshot
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.lathe.snapshot import AxisState, Snapshot
 from profiles.store import load_job
 from tests.system.lathe_sites import compact
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.pmac.heartbeat.lease import LEASE_MS, MARGIN_MS, PERIOD_MS
-from drivers.simulator.patience import HEARD_S, PATIENCE_S, PatientTime
+from drivers.simulator.hosts.real_time import HEARD_S, PATIENCE_S, PatientTime
 
 TICK_S = 0.005
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.pmac.dialect import TURBO
-from drivers.pmac.plcs.timers import count_down, timer_variables
+from drivers.pmac.plcs.plc import count_down, timer_variables
 from tests.drivers.plc_bench import PlcBench
 
 LEASE_CYCLES = 677

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.language.syntax import PlcLine
 from drivers.pmac.language.text import format_plc_line
-from drivers.simulator.port import LINE_LIMIT
+from drivers.simulator.hosts.port import LINE_LIMIT
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from tests.drivers.language.plc_trees import plc_lines

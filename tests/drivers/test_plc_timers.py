@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.plcs.timers import count_down, timer_variables
+from drivers.pmac.plcs.plc import count_down, timer_variables
 from drivers.pmac.settings import settings_with
 from drivers.pmac.variables import VariableStore
 

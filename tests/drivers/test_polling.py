@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Recorder
 

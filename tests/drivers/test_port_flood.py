@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.simulator.port import INBOX_LIMIT, Port
+from drivers.simulator.hosts.port import INBOX_LIMIT, Port
 
 if TYPE_CHECKING:
     from drivers.simulator.machine import SimulatedLathe

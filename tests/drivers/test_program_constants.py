@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.errors import DriverError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient

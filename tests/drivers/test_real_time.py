@@ -8,8 +8,15 @@ from contextlib import suppress
 
 import pytest
 
-from drivers.simulator.lag import KEPT, LagRecord
-from drivers.simulator.real_time import MOST_CATCH_UP_S, SLICE_S, TICK_S, WallClock, run_clock
+from drivers.simulator.hosts.real_time import (
+    KEPT,
+    MOST_CATCH_UP_S,
+    SLICE_S,
+    TICK_S,
+    LagRecord,
+    WallClock,
+    run_clock,
+)
 
 
 class AllOverError(Exception):

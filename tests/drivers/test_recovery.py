@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from drivers.errors import DriverError, LinkError
+from drivers.lathe.snapshot import AxisName
+from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.base import StopWay
 from drivers.pmac.program_text import read_program
-from drivers.snapshot import AxisName
-from drivers.stop import StopPath, StoppedError
 from profiles.problem import Problem
 from tests.drivers.families import machine as machine
 

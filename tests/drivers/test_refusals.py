@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.errors import ControllerError
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 
 if TYPE_CHECKING:
     from tests.drivers.conftest import Bench

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.pmac.configuration.check import Check, Group, Outcome
-from drivers.safety import safety_problems
+from drivers.commissioning.check import Check, Group, Outcome
+from drivers.lathe.safety import safety_problems
 from profiles.machine import SAFETY_DEVICES, MachineProfile, Safety
 from tests.drivers.commissioned import commissioned
 from tests.drivers.families import machine as machine  # both families

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.errors import DriverError
-from drivers.lathe import Lathe
-from drivers.snapshot import AxisName
-from drivers.stop import StoppedError
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName
+from drivers.lathe.stop import StoppedError
 from profiles.problem import Problem
 from tests.drivers.families import machine as machine
 

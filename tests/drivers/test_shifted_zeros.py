@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.errors import DriverError
-from drivers.snapshot import AxisName
+from drivers.lathe.snapshot import AxisName
 from tests.system.lathe_sites import Site, opened
 
 

@@ -16,13 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
+from drivers.lathe.standing import NOBODY, Standing
 from drivers.link.memory import MemoryLink
-from drivers.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
-from drivers.standing import NOBODY, Standing
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
 from tests.drivers.turns import TurnLink, Turns

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from drivers.pmac.settings import settings_with
-from drivers.simulator.drives import build_drives
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
 from drivers.simulator.plant.spindle import Spindle
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal

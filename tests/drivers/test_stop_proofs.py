@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.proofs.air_cut import air_cut
+from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
+from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.errors import DriverError
-from drivers.pmac.configuration.check import Check, Outcome
-from drivers.pmac.configuration.proofs.air_cut import air_cut
-from drivers.pmac.configuration.proofs.stopping import MeasuredStops, prove_stops
+from drivers.lathe.stop import StoppedError
 from drivers.simulator.machine import SimulatedLathe
-from drivers.stop import StoppedError
-from drivers.stop_record import Origin, StopEntry, Way, needed_stops
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import Commissioned, Watched, commissioned
 from tests.drivers.cut_floor import with_inverter

@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from drivers.commissioning.check import Outcome
+from drivers.commissioning.proofs.bench import ProofBench
+from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
+from drivers.commissioning.stop_record import needed_stops
+from drivers.commissioning.verification import verify
+from drivers.lathe.stop import ABORT_ALL, KILL_ALL, StopPath
 from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.pmac.configuration.check import Outcome
-from drivers.pmac.configuration.proofs.bench import ProofBench
-from drivers.pmac.configuration.proofs.stopping import MeasuredStops, prove_stops
-from drivers.pmac.configuration.verification import verify
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
-from drivers.stop import ABORT_ALL, KILL_ALL, StopPath
-from drivers.stop_record import needed_stops
 from profiles.store import load_machine
 
 CONTROL = ABORT_ALL + KILL_ALL

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.errors import DriverError
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.exchange import FLUSH
 from drivers.pmac.program_text import read_program
-from drivers.stop import StopPath, StoppedError
 from tests.drivers.families import machine as machine
 
 if TYPE_CHECKING:

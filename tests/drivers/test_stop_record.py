@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.commissioning.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops, stop_key
+from drivers.commissioning.stop_record_check import StopsNow, record_problems
 from drivers.link.base import StopWay
-from drivers.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops, stop_key
-from drivers.stop_record_check import StopsNow, record_problems
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import load_machine

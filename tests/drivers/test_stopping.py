@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from drivers.errors import LinkError, LinkTimeoutError
+from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.base import StopWay
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Setting
-from drivers.stop import StopPath, StoppedError
 from profiles.problem import Problem
 from tests.drivers.families import machine as machine
 

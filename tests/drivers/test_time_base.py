@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.trajectory.pieces import Piece, position_at
-from drivers.simulator.player import Player
+from drivers.simulator.card.player import Player
 from tests.drivers.ideal_card import BLOCK, CYCLE_MS, IdealCard, moving_time_ms, refused, rests
 
 MOVES = ("INC", "TA40 TS10 TM200", "X3000 Y-1000", "X-500", "DELAY70", "X800 Y20")

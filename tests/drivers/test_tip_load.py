@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from drivers.simulator.plant.cutting_force import ALUMINIUM
-from drivers.simulator.plant.tip_load import Stock, TipGeometry, TipLoad
+from drivers.simulator.plant.tip_load import ALUMINIUM, Stock, TipGeometry, TipLoad
 from profiles.cutting import cutting_force
 from profiles.materials import material_named
 

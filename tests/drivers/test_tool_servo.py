@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from drivers.simulator.card.servo import ServoAxis, ServoGains
 from drivers.simulator.plant.axis import IdealAxis
 from drivers.simulator.plant.driven_mass import linear_motor
-from drivers.simulator.servo import ServoAxis, ServoGains
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 MASS, DAMPING, FORCE_N_PER_V = 4.74, 201.6, 11.45 * 54.5

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from drivers.pmac.settings import settings_with
-from drivers.simulator.drives import build_drives
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.cutting_force import cutting_force_n
+from drivers.simulator.plant.drives import build_drives
+from drivers.simulator.plant.tip_load import cutting_force_n
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from profiles.axis.servo import sampled_response
 from profiles.machine import MachineProfile
-from profiles.servo import sampled_response
 from profiles.traces import Trace
 from tests.drivers.conftest import JobMaker, TrueBenchMaker
 from tests.drivers.cut_floor import CutFloor

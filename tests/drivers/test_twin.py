@@ -15,22 +15,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.settings import settings_with
-from drivers.simulator.drives import build_drives
+from drivers.simulator.card.servo import ServoAxis, ServoGains
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.axis import NoisyScale
 from drivers.simulator.plant.driven_mass import linear_motor
-from drivers.simulator.plant.encoder import NoisyScale
+from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.friction import DrySlide
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.radial_error import RadialError
+from drivers.simulator.plant.shop_floor import ShopFloor
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
-from drivers.simulator.servo import ServoAxis, ServoGains
-from drivers.simulator.shop_floor import ShopFloor
+from profiles.axis.servo import sampled_response
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
-from profiles.servo import sampled_response
 from profiles.traces import Trace
 from tests.drivers.conftest import JobMaker, TrueBenchMaker
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.shop_view import ShopView
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.simulator.shop_view import ShopView
-from drivers.snapshot import AxisName
 from profiles.roundness import evaluate
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.language.syntax import Line
 from drivers.pmac.language.text import format_line
-from drivers.simulator.port import LINE_LIMIT
+from drivers.simulator.hosts.port import LINE_LIMIT
 from profiles.machine import MachineProfile
 from tests.drivers.language import trees
 from tests.drivers.wire_card import Wire, wire

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.status import decode
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 from drivers.simulator.commands.line import execute
 from drivers.simulator.context import Context
 from profiles.machine import MachineProfile

@@ -9,8 +9,8 @@ import pytest
 
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.simulator import buffers
-from drivers.simulator.port import Port
+from drivers.simulator.card import buffers
+from drivers.simulator.hosts.port import Port
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from tests.drivers.plc_card import reset

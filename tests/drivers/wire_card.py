@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.pmac.dialect import Dialect
-from drivers.simulator.controller import Controller
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
 from profiles.machine import MachineProfile
 
 ACK, BELL, STX, LF, CR = b"\x06", b"\x07", b"\x02", b"\n", b"\r"

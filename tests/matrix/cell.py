@@ -9,10 +9,10 @@ from typing import cast
 import pytest
 
 from console.session.errors import SessionError
-from console.session.intents import Measure
-from console.session.orders import measure
-from console.session.state import Activity
-from console.session.workplace import ShopFloor
+from console.session.station.intents import Measure
+from console.session.station.orders import measure
+from console.session.station.state import Activity
+from console.session.station.workplace import ShopFloor
 from tests.matrix.checks import (
     Kind,
     after_stop,

@@ -7,9 +7,9 @@ from collections.abc import Sequence, Set
 from enum import StrEnum
 from itertools import pairwise
 
-from console.session.state import STALE_S
+from console.session.station.state import STALE_S
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.foreseen import foresee
-from drivers.snapshot import AxisName, Snapshot
 from tests.matrix.faults import Row
 from tests.matrix.rig import Watched
 from tests.matrix.truth import MOTORS, Moment, Sent

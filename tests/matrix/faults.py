@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import AxisName
 from drivers.simulator.faults.parameter import Value
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName
 
 AXES = tuple(AxisName)
 

@@ -10,14 +10,14 @@ from pathlib import Path
 from signal import SIGINT
 from typing import cast
 
+from console.session.cut.sequence import Shop, Step, cut_part
 from console.session.errors import Interrupted
-from console.session.machine_run import guard, leave
-from console.session.owning import Owning
-from console.session.sequence import Shop, Step, cut_part
 from console.session.signals import Interruption
-from drivers.cut import CutPlan
+from console.session.station.owning import Owning
+from console.session.station.reaching import guard, leave
+from drivers.cutting.planning import CutPlan
 from drivers.errors import DriverError
-from drivers.snapshot import AxisName, Snapshot
+from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.problem import ProblemError
 from profiles.traces import Trace
 from tests.matrix.cell import NO_ANSWER

@@ -8,8 +8,8 @@ from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from console.session.state import Activity
-from drivers.cut import Strategy
+from console.session.station.state import Activity
+from drivers.cutting.planning import Strategy
 from tests.matrix.cell import Seen, run_cell
 from tests.matrix.checks import Kind
 from tests.matrix.expected import SAME, TABLE, UNKNOWN, right

@@ -8,17 +8,17 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from console.session.owning import Owning
-from console.session.state import StationState
-from console.session.station import Station
-from console.session.workplace import Workplace
-from drivers.cut import CutPlan, Strategy, plan_cut
-from drivers.heartbeat import Heartbeat
-from drivers.lathe import Lathe
-from drivers.ownership import Ownership
+from console.session.station.owning import Owning
+from console.session.station.state import StationState
+from console.session.station.station import Station
+from console.session.station.workplace import Workplace
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import StopPath
 from drivers.pmac.client import PmacClient
-from drivers.snapshot import Snapshot
-from drivers.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job

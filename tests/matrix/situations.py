@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from console.session.alignment import JawAngle, TouchOff, clamping_of
-from console.session.intents import Arm, Home, Intent, Jog, Start, SwitchOff, SwitchOn
-from console.session.progress import CutStage
-from console.session.state import Activity
-from drivers.cut import Strategy
-from drivers.snapshot import AxisName, Snapshot
+from console.session.cut.alignment import JawAngle, TouchOff, clamping_of
+from console.session.station.intents import Arm, Home, Intent, Jog, Start, SwitchOff, SwitchOn
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import AxisName, Snapshot
 from tests.matrix.rig import Rig, compact_machine, short_job
 from tests.matrix.truth import Sent
 

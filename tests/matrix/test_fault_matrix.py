@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from console.session import cutting
-from drivers import resting
+from console.session.station import cutting
+from drivers.lathe import standstill
 from drivers.simulator.faults.catalogue import CATALOGUE
 from tests.matrix.cell import run_cell
 from tests.matrix.expected import TABLE, tried
@@ -34,7 +34,7 @@ PATIENCE_S = 20.0
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, and wait no longer than for that spindle."""
     monkeypatch.setattr(cutting, "plan_cut", planned_once)
-    monkeypatch.setattr(resting, "COAST_TIMEOUT_S", PATIENCE_S)
+    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
 
 
 CELLS = [(row, situation) for row in ROWS for situation in Situation if tried(row.name, situation)]

@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from drivers import resting
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
+from drivers.lathe import standstill
 from tests.matrix.faults import NO_FAULT, ROWS
 from tests.matrix.headless import INTERRUPT, Moment, Part, make
 from tests.matrix.headless_expected import HEADLESS, KNOWN, TRIED, right_of
@@ -25,7 +25,7 @@ BY_NAME = {row.name: row for row in (*ROWS, INTERRUPT)}
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resting, "COAST_TIMEOUT_S", PATIENCE_S)
+    monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
 
 
 @cache

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from console.session.intents import Intent, Jog, Start
-from drivers.snapshot import AxisName
+from console.session.station.intents import Intent, Jog, Start
+from drivers.lathe.snapshot import AxisName
 from tests.matrix.checks import JITTER, way
 from tests.matrix.faults import Row
 from tests.matrix.rig import build_rig

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from console.session import cutting
-from console.session.intents import Hold, Jog
-from console.session.state import Activity
+from console.session.station import cutting
+from console.session.station.intents import Hold, Jog
+from console.session.station.state import Activity
+from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.heartbeat.plc import Policy
-from drivers.snapshot import AxisName, Snapshot
 from tests.matrix import rig as rigs
 from tests.matrix.checks import Kind, kind_of
 from tests.matrix.faults import Row

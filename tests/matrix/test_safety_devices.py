@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from console.session import cutting
-from console.session.intents import Home, Intent, Jog, Start, SwitchOff, SwitchOn
-from console.session.state import Activity
-from drivers.snapshot import AxisName
+from console.session.station import cutting
+from console.session.station.intents import Home, Intent, Jog, Start, SwitchOff, SwitchOn
+from console.session.station.state import Activity
+from drivers.lathe.snapshot import AxisName
 from tests.matrix import rig as rigs
 from tests.matrix.checks import Kind, kind_of
 from tests.matrix.faults import Row

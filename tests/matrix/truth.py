@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from drivers.lathe.snapshot import AxisName
 from drivers.link.memory import MemoryLink
+from drivers.simulator.card.motor import Motor
+from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.motor import Motor
-from drivers.simulator.port import Port
-from drivers.snapshot import AxisName
 
 MOTORS = {AxisName.TOOL: 1, AxisName.SPINDLE: 2, AxisName.CARRIAGE: 3}
 

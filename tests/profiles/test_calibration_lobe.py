@@ -10,7 +10,7 @@ import pytest
 from profiles.calibration.lobe import FoundLobe, find_lobe, with_lobe
 from profiles.chucking.diagnosis import Mechanism
 from profiles.job import Job
-from profiles.lobe_conditions import unstated
+from profiles.lobe.lobe_conditions import unstated
 from profiles.store import load_job
 from profiles.traces import Trace
 

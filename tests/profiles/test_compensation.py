@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.compensation import (
+from profiles.compensations.path import (
     CutPath,
     LobedPath,
     Wave,

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from profiles.envelope import envelope, envelope_row, first_beyond
+from profiles.axis.envelope import envelope, envelope_row, first_beyond
+from profiles.axis.servo import eq9_response
+from profiles.axis.tool_stiffness import tool_compliance_um_per_n
 from profiles.machine import MachineProfile
-from profiles.servo import eq9_response
 from profiles.store import load_job, load_machine
-from profiles.tool_stiffness import tool_compliance_um_per_n
 
 JOB = load_job("lee-2001-experiment-1").job
 LATHE = load_machine("lee-2001-lathe").machine

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from profiles.identification import FrequencyResponse, fit_sine, frequency_response, reference_swing
+from profiles.axis.identification import FrequencyResponse, fit_sine, frequency_response, reference_swing
 from profiles.problem import ProfileError
 
 RATE_HZ = 2258.82

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.compensation import CutPath, LobedPath, Wave, invert
-from profiles.learning import (
+from profiles.compensations.learning import (
     Deviation,
     convergence,
     fit_harmonics,
@@ -17,6 +16,7 @@ from profiles.learning import (
     learned_part,
     trimmed,
 )
+from profiles.compensations.path import CutPath, LobedPath, Wave, invert
 from profiles.problem import ProfileError
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)

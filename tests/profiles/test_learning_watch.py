@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.compensation import CutPath, LobedPath
-from profiles.learning import Deviation, learned_command, learned_part
-from profiles.learning_watch import REPEATS_SD_UM, Watch, coefficient_of
-from profiles.next_version import FIRST_GAIN, LATER_GAIN
+from profiles.compensations.learning import Deviation, learned_command, learned_part
+from profiles.compensations.learning_watch import REPEATS_SD_UM, Watch, coefficient_of
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
+from profiles.compensations.path import CutPath, LobedPath
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)
 RESPONSES = st.builds(cmath.rect, st.floats(0.0, 4.0), st.floats(-cmath.pi, cmath.pi))

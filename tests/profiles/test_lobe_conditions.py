@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from profiles.lobe_conditions import (
+from profiles.lobe.lobe_conditions import (
     FORCE_SHARE,
     OTHER_CUT,
     changed_conditions,
@@ -17,7 +17,7 @@ from profiles.lobe_conditions import (
     lobe_source,
     unstated,
 )
-from profiles.prediction import predict
+from profiles.lobe.prediction import predict
 from profiles.rules import Severity, check
 from profiles.store import load_job, load_machine
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
-from profiles.lobe_fit import fit_lobe
+from profiles.lobe.lobe_fit import fit_lobe
 from profiles.problem import ProfileError
 
 Floats = NDArray[np.float64]

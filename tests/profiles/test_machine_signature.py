@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from profiles.machine import machine_from_table
-from profiles.machine_signature import iron_problems
+from profiles.machine import iron_problems, machine_from_table
 from profiles.problem import ProfileError
 from profiles.store import list_machines, load_machine
 

@@ -14,16 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from profiles.calibration.lobe import find_lobe
-from profiles.compensation import CutPath, invert, wanted_path
-from profiles.graduated import expected, share_of
+from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
+from profiles.compensations.next_version import CutWith, Lesson, Verdict, next_version
+from profiles.compensations.part_waves import PartWaves, part_waves
+from profiles.compensations.path import CutPath, expected, invert, share_of, wanted_path
+from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
-from profiles.learned import HoldsFor, as_table, differences, from_table
-from profiles.next_version import CutWith, Lesson, Verdict, next_version
-from profiles.part_waves import PartWaves, part_waves
 from profiles.problem import ProfileError
 from profiles.store import load_job
 from profiles.traces import Trace
-from profiles.uncompensated import uncompensated
 
 JOB = load_job("lee-2001-experiment-1").job
 LOBE = 27.5 * cmath.exp(-1j * math.radians(3 * JOB.lobe_phase_deg))

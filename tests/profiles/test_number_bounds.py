@@ -11,9 +11,9 @@ import pytest
 
 from profiles.fields import LEAST_MAGNITUDE, Field, Kind
 from profiles.job import JOB_FIELDS, job_from_table
+from profiles.lobe.prediction import predict
 from profiles.machine import machine_from_table
 from profiles.machine_fields import SECTIONS
-from profiles.prediction import predict
 from profiles.problem import Problem, ProfileError
 from profiles.rules import check
 from profiles.store import BUNDLED_JOBS, BUNDLED_MACHINES, load_job, load_machine

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from profiles.compensation import chord_scale
+from profiles.axis.servo import sampled_response
+from profiles.compensations.path import chord_scale
 from profiles.paper import chuck, servo_figures
 from profiles.paper.eq9_in_time import step_error
 from profiles.paper.experiments import lee_2001
@@ -27,7 +28,6 @@ from profiles.paper.table_5 import (
     pure_delay_s,
     with_measured_servo,
 )
-from profiles.servo import sampled_response
 
 PAPER = lee_2001()
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from profiles.compensation import CutPath, LobedPath, Wave, invert, wanted_path
-from profiles.friction import held_back_um
+from profiles.axis.friction import held_back_um
+from profiles.compensations.path import CutPath, LobedPath, Wave, invert, wanted_path
+from profiles.compensations.path_bounds import path_problems
 from profiles.job import Job
-from profiles.path_bounds import path_problems
 from profiles.store import load_job, load_machine
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)

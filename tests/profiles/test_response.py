@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse, Source, identified_response, model_response
+from profiles.axis.servo import sampled_response
 from profiles.problem import ProfileError
-from profiles.response import AMPLIFICATION_LIMIT, ServoResponse, Source, identified_response, model_response
-from profiles.servo import sampled_response
 from profiles.store import load_machine
 
 MACHINE = load_machine("lee-2001-lathe").machine

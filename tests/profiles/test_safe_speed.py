@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from profiles.axis.envelope import envelope
+from profiles.axis.response import Source, identified_response, model_response
+from profiles.axis.safe_speed import speed_limits_rpm
+from profiles.axis.servo import sampled_response
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
-from profiles.envelope import envelope
 from profiles.job import Job
-from profiles.response import Source, identified_response, model_response
-from profiles.safe_speed import speed_limits_rpm
-from profiles.servo import sampled_response
 from profiles.store import load_job, load_machine
 
 JOB = load_job("lee-2001-experiment-1").job

@@ -10,16 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from profiles.axis.servo import drive_need, eq9_response, eq9_summary, following_error_um, sampled_response
+from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
-from profiles.servo import (
-    drive_need,
-    eq9_response,
-    eq9_summary,
-    following_error_um,
-    sampled_response,
-)
-from profiles.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
 from profiles.store import load_machine
 
 LATHE = load_machine("lee-2001-lathe").machine

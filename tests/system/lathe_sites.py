@@ -8,17 +8,17 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.heartbeat import Heartbeat
-from drivers.lathe import Lathe
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.stop import StopPath
 from drivers.link.address import SimulatedAddress, parse_address
 from drivers.link.base import Link
 from drivers.link.memory import MemoryLink
 from drivers.link.opening import open_link
-from drivers.ownership import Ownership
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import Snapshot
-from drivers.stop import StopPath
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.store import load_machine
 from tests.compact import CLOSE_TOGETHER

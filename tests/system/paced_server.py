@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 from drivers.link.address import TcpAddress
 from drivers.link.base import Link, StopWay
+from drivers.simulator.hosts.real_time import SLICE_S, Host
+from drivers.simulator.hosts.server import Listeners, listen
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.real_time import SLICE_S, Host
-from drivers.simulator.server import Listeners, listen
 
 ANYWHERE = TcpAddress(host="127.0.0.1", port=0)
 LISTENERS = {

@@ -21,10 +21,10 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.heartbeat.lease import Activity, lease_timer
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import ACTIVITY
-from drivers.simulator.connection import Connection, PlainStream
+from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.port import Port
+from drivers.simulator.hosts.real_time import SLICE_S
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import Port
-from drivers.simulator.real_time import SLICE_S
 from tests.system.paced_server import PATIENCE_S, PacedLink, PacedServer, served
 
 HEARD_S = 0.15

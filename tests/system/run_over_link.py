@@ -12,9 +12,9 @@ from functools import cached_property
 from pathlib import Path
 
 import profiles.store
-from console.session.stop_records import simulated_record, store
+from console.session.data.stop_records import simulated_record, store
+from drivers.commissioning.stop_record import StopRecord
 from drivers.pmac.dialect import DIALECTS
-from drivers.stop_record import StopRecord
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.run_page import a_frame, moments_of_a_cut
-from console.session.state import StationState
+from console.session.station.state import StationState
 
 pytestmark = pytest.mark.system
 

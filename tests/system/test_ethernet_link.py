@@ -13,11 +13,11 @@ from contextlib import contextmanager
 import pytest
 
 from drivers.errors import LinkError, LinkTimeoutError
+from drivers.lathe.stop import StopPath
 from drivers.link import ethernet, stop_connection
 from drivers.link.address import EthernetAddress
 from drivers.link.base import StopWay
 from drivers.link.ethernet import EthernetLink
-from drivers.stop import StopPath
 
 pytestmark = pytest.mark.system
 

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.cut import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.stop import StoppedError
 from drivers.pmac.gathering.gather_client import DataGathering
-from drivers.snapshot import AxisName, Snapshot
-from drivers.stop import StoppedError
 from profiles.store import load_job
 from tests.system.lathe_sites import LINKS, MACHINES, Site, build, compact, opened
 

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from console.session.console_lock import take_lock
-from drivers.ownership import OWNER_ITEM
+from console.session.station.owning import take_lock
+from drivers.lathe.ownership import OWNER_ITEM
+from drivers.lathe.standing import NOBODY
 from drivers.pmac.client import PmacClient
 from drivers.pmac.heartbeat.lease import Activity
 from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, Watch, rest_s, rests
@@ -24,7 +25,6 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.programs.setup import CutSetup, cut_setup
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
-from drivers.standing import NOBODY
 from tests.system.patient_card import PatientCard, patient_card
 from tests.system.run_over_link import Order, order
 

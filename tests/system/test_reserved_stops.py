@@ -6,13 +6,13 @@ from contextlib import closing
 
 import pytest
 
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.stop import StoppedError
 from drivers.link.address import EthernetAddress, parse_address
 from drivers.link.base import StopWay
 from drivers.link.ethernet import EthernetLink
-from drivers.simulator.connection import Connection
+from drivers.simulator.hosts.connection import Connection
 from drivers.simulator.machine import SimulatedLathe
-from drivers.snapshot import AxisName, Snapshot
-from drivers.stop import StoppedError
 from tests.system.lathe_sites import Site, build, compact
 from tests.system.paced_server import PacedLink, PacedServer, served
 

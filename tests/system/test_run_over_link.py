@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.clock import RealClock
+from drivers.lathe.ownership import OWNER_ITEM
+from drivers.lathe.standing import NOBODY
 from drivers.link.address import TcpAddress
 from drivers.link.opening import open_link
-from drivers.ownership import OWNER_ITEM
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC
 from drivers.pmac.status import decode
 from drivers.simulator.machine import SimulatedLathe
-from drivers.standing import NOBODY
 from tests.system.patient_card import patient_card
 from tests.system.run_over_link import Order, order
 from tests.terminal import Terminal

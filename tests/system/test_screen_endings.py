@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.link_thread import LEAVE_S
+from console.session.station.link_thread import LEAVE_S
 from tests.terminal import Terminal
 from tests.trainee import Trainee, console, console_at, simulator_of
 

@@ -18,10 +18,10 @@ import serial
 
 from drivers.clock import RealClock
 from drivers.errors import ControllerError, LinkError
+from drivers.lathe.stop import StopPath
 from drivers.link.address import SerialAddress
 from drivers.link.serial import SerialLink
 from drivers.pmac.client import PmacClient
-from drivers.stop import StopPath
 
 pytestmark = pytest.mark.system
 

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import pytest
 
+from drivers.lathe.standing import NOBODY
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
-from drivers.standing import NOBODY
 from profiles.store import load_machine
 from tests.signed_profile import signed_copy
 from tests.system.patient_card import PatientCard, patient_card

@@ -23,7 +23,7 @@ from drivers.link.address import SerialAddress, TcpAddress
 from drivers.link.serial import SerialLink
 from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
-from drivers.simulator.process import SimulatorProcess
+from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.store import BUNDLED_MACHINES
 
 if TYPE_CHECKING:

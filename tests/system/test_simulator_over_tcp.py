@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.clock import RealClock
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName
+from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.address import TcpAddress
 from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
-from drivers.snapshot import AxisName
-from drivers.stop import StopPath, StoppedError
 from profiles.store import load_machine
 
 if TYPE_CHECKING:

@@ -20,12 +20,12 @@ import pytest
 
 from drivers.clock import RealClock
 from drivers.errors import LinkError
-from drivers.lathe import Lathe
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName
+from drivers.lathe.stop import StopPath
 from drivers.link.serial import SerialLink
 from drivers.pmac.client import PmacClient
-from drivers.simulator.process import SimulatorProcess
-from drivers.snapshot import AxisName
-from drivers.stop import StopPath
+from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.roundness import evaluate
 from profiles.store import BUNDLED_MACHINES, load_job, load_machine
 
@@ -272,8 +272,8 @@ def test_a_simulator_that_dies_is_told_by_line_and_channel(simulator: SimulatorP
 def test_a_simulator_that_does_not_answer_is_given_up_and_ended(
     simulator: SimulatorProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.simulator.process.REQUEST_TIMEOUT_S", 0.3)
-    monkeypatch.setattr("drivers.simulator.process.END_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("drivers.simulator.hosts.process.REQUEST_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("drivers.simulator.hosts.process.END_TIMEOUT_S", 0.3)
     pid = pid_of(simulator)
     os.kill(pid, signal.SIGSTOP)
     began = time.monotonic()

@@ -12,10 +12,10 @@ import pytest
 
 from drivers.clock import RealClock
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError
+from drivers.lathe.stop import StopPath
 from drivers.link.address import TcpAddress
 from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
-from drivers.stop import StopPath
 
 pytestmark = pytest.mark.system
 

@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from console.session.alignment import Alignment
-from console.session.intents import Intent
-from console.session.state import Activity, StationState
+from console.session.cut.alignment import Alignment
+from console.session.station.intents import Intent
+from console.session.station.state import Activity, StationState
 from console.tui.pages.align import AlignPage
-from drivers.simulator.shop_view import ShopView
-from drivers.snapshot import Snapshot
+from drivers.lathe.snapshot import Snapshot
+from drivers.simulator.plant.shop_view import ShopView
 from tests.tui.machine_states import CLAMPED, ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
 from tests.tui.stage import FixedControl, desk_for, experiment

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from console.session.alignment import Alignment, JawAngle, TouchOff, clamping_of
-from drivers.snapshot import AxisState, Snapshot
+from console.session.cut.alignment import Alignment, JawAngle, TouchOff, clamping_of
+from drivers.lathe.snapshot import AxisState, Snapshot
 from profiles.store import load_job
 
 REST = frozenset({"desired_velocity_zero", "in_position"})

@@ -10,8 +10,8 @@ from typing import TypeVar
 
 from textual.pilot import Pilot
 
-from console.session.intents import Intent
-from console.session.state import Activity, StationState
+from console.session.station.intents import Intent
+from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.tui.desk import View
 from console.tui.keymap import PageName

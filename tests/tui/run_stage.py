@@ -11,18 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from console.session.alignment import Alignment
-from console.session.made_parts import MadeWith
-from console.session.phase import Phase
-from console.session.progress import CutProgress, CutStage
-from console.session.ripple import SpindleRipple
-from console.session.state import Activity, StationState, StopState, TouchedBlank
-from console.session.synchronisation import Synchronisation
-from console.session.telemetry import CutFigures
+from console.session.cut.alignment import Alignment
+from console.session.cut.phase import Phase
+from console.session.cut.telemetry import CutFigures
+from console.session.data.made_parts import MadeWith
+from console.session.station.progress import CutProgress, CutStage, Synchronisation
+from console.session.station.ripple import SpindleRipple
+from console.session.station.state import Activity, StationState, StopState, TouchedBlank
 from console.session.work import Work
 from console.tui.desk import View
 from console.tui.pages.run import RunPage
-from drivers.snapshot import Snapshot
+from drivers.lathe.snapshot import Snapshot
 from profiles.machine import SAFETY_DEVICES
 from tests.tui.machine_states import ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on

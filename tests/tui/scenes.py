@@ -14,27 +14,26 @@ import numpy as np
 import pytest
 from textual.pilot import Pilot
 
-from console.session import records
-from console.session.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
-from console.session.lessons import taught_by
-from console.session.made_parts import MadeWith
-from console.session.part_lesson import PartLesson
-from console.session.paths import jobs_folder
-from console.session.phase import Phase
-from console.session.preview import Preview, preview
-from console.session.progress import CutProgress, CutStage
-from console.session.ripple import SpindleRipple
-from console.session.state import Activity, MeasuredPart, StationState
-from console.session.synchronisation import Synchronisation
+from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
+from console.session.cut.phase import Phase
+from console.session.data import records
+from console.session.data.kept_files import jobs_folder
+from console.session.data.made_parts import MadeWith
+from console.session.learning.lessons import taught_by
+from console.session.learning.part_lesson import PartLesson
+from console.session.station.progress import CutProgress, CutStage, Synchronisation
+from console.session.station.ripple import SpindleRipple
+from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
 from console.tui.pages import jobs
 from console.tui.theme import COLOUR, Palette
-from drivers.cut import Strategy
-from drivers.simulator.shop_view import ShopView
-from drivers.snapshot import AxisState, Snapshot
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import AxisState, Snapshot
+from drivers.preview.preview import Preview, preview
+from drivers.simulator.plant.shop_view import ShopView
 from profiles.job import Job
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, load_machine, save_job

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from textual.app import App, ComposeResult
 
-from console.session.intents import Intent
-from console.session.state import StationState
+from console.session.station.intents import Intent
+from console.session.station.state import StationState
 from console.session.work import Work, opened
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp

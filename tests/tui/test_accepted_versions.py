@@ -9,20 +9,19 @@ from pathlib import Path
 import pytest
 from rich.cells import cell_len
 
-from console.session.alignment import Alignment, JawAngle
-from console.session.learned_store import store
-from console.session.state import Activity, StationState
+from console.session.cut.alignment import Alignment, JawAngle
+from console.session.data.learned_store import store
+from console.session.station.state import Activity, StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import load
-from console.tui.chosen_path import ChosenPath
 from console.tui.lines import plain
-from console.tui.pages.choosing_keys import step_compensation
 from console.tui.pages.jobs import JobsPage
+from console.tui.pages.learning_keys import step_compensation
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
-from console.tui.previewing import Previewer
-from drivers.cut import Strategy
-from profiles.learned import LearnedCompensation, as_table, expected_part, from_table
+from console.tui.previewing import ChosenPath, Previewer
+from drivers.cutting.planning import Strategy
+from profiles.compensations.learned import LearnedCompensation, as_table, expected_part, from_table
 from tests.tui import run_stage
 from tests.tui.page_stage import PageScene, play_on, shown_on
 from tests.tui.scenes import AFTER, fixed_world, part, previewed, signed, taught

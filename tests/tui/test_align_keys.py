@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from console.session.alignment import Alignment, TouchOff
-from console.session.intents import (
+from console.session.cut.alignment import Alignment, TouchOff
+from console.session.station.intents import (
     Approach,
     ConfirmClamping,
     Forget,
@@ -23,11 +23,11 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
-from console.session.state import Activity, StationState, StopState
+from console.session.station.state import Activity, StationState, StopState
 from console.tui.desk import View
 from console.tui.pages.align import AlignPage
-from drivers.simulator.shop_view import ShopView
-from drivers.snapshot import AxisName
+from drivers.lathe.snapshot import AxisName
+from drivers.simulator.plant.shop_view import ShopView
 from tests.tui.align_stage import (
     FAR,
     IN_PART,

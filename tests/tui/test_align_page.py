@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 from rich.cells import cell_len
 
-from console.session.alignment import Alignment
-from console.session.state import Activity, StationState, StopState
+from console.session.cut.alignment import Alignment
+from console.session.station.state import Activity, StationState, StopState
 from console.session.work import edited
 from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.pages.align import AlignPage
 from console.tui.pages.jog_lines import jaw_words
-from drivers.simulator.shop_view import ShopView
+from drivers.simulator.plant.shop_view import ShopView
 from profiles.store import load_machine
 from tests.tui.align_stage import (
     IN_PART,

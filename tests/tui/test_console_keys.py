@@ -10,16 +10,15 @@ from typing import Any
 import pytest
 from textual.widgets import Input
 
-from console.session.alignment import Alignment
-from console.session.intents import Home, Intent
-from console.session.state import Activity, Armed, StationState, StopState
+from console.session.cut.alignment import Alignment
+from console.session.station.intents import Home, Intent
+from console.session.station.state import Activity, Armed, StationState, StopState
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
-from console.tui.gate import FieldKind
-from console.tui.held import HeldKeys
+from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, PageName
-from drivers.cut import Strategy, plan_cut
-from drivers.standing import Standing
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.scenes import Scene, application, fill, played

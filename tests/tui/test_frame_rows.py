@@ -9,10 +9,9 @@ from itertools import product
 
 import pytest
 
-from console.session.alarms import Priority, acknowledged, raised, seen
-from console.session.collisions import collision_problems
-from console.session.state import Activity, StationState, StopState
-from console.session.synchronisation import Synchronisation
+from console.session.station.alarms import Priority, acknowledged, collision_problems, raised, seen
+from console.session.station.progress import Synchronisation
+from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import load
 from console.tui.frame import (
     ROWS,
@@ -26,12 +25,11 @@ from console.tui.frame import (
     stop_row,
 )
 from console.tui.gate import FieldKind
-from console.tui.help import LISTS, help_lines
-from console.tui.keymap import PageName, actions_of
+from console.tui.keymap import LISTS, PageName, actions_of, help_lines
 from console.tui.lines import line, plain, width_of
 from console.tui.theme import Token
+from drivers.lathe.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
 from drivers.simulator.plant.collision import CollisionKind
-from drivers.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
 from profiles.machine import SAFETY_DEVICES
 from profiles.problem import Problem
 from profiles.store import load_machine

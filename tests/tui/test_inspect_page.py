@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from console.session.intents import Measure
-from console.session.state import Activity, MeasuredPart, StationState
+from console.session.station.intents import Measure
+from console.session.station.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.keymap import PageName
@@ -22,7 +22,7 @@ from console.tui.pages.inspect import InspectPage
 from console.tui.pages.inspect_lines import compared, harmonic_lines, phase_from_jaw_deg, result_lines
 from console.tui.plot.polar_view import PolarView
 from console.tui.theme import Token
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from profiles.roundness import evaluate
 from profiles.traces import Trace
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, desk_for, experiment, grid

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from rich.cells import cell_len
 
-from console.session.paths import jobs_folder
-from console.session.records import RunRecord
-from console.session.state import Activity, StationState
+from console.session.data.kept_files import jobs_folder
+from console.session.data.records import RunRecord
+from console.session.station.state import Activity, StationState
 from console.session.work import edited
 from console.tui.keymap import PageName
 from console.tui.lines import width_of

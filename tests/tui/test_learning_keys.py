@@ -10,15 +10,13 @@ from pathlib import Path
 import pytest
 from rich.cells import cell_len
 
-from console.session.alignment import Alignment, JawAngle
-from console.session.learned_store import FOLDER, asked_for, versions
-from console.session.part_lesson import PartLesson
-from console.session.preview import all_asked, program_of
-from console.session.progress import CutStage
-from console.session.state import Activity, MeasuredPart, StationState
+from console.session.cut.alignment import Alignment, JawAngle
+from console.session.data.learned_store import FOLDER, asked_for, versions
+from console.session.learning.part_lesson import PartLesson
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, with_strategy
 from console.text.catalogue import load
-from console.tui.chosen_path import ChosenPath
 from console.tui.keymap import ACTIONS
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
@@ -26,8 +24,10 @@ from console.tui.pages.learn_lines import learn_lines
 from console.tui.pages.learning_keys import accept_lesson
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
-from drivers.cut import CutPlan, Strategy
-from profiles.learned import LearnedCompensation
+from console.tui.previewing import ChosenPath
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.preview.preview import all_asked, program_of
+from profiles.compensations.learned import LearnedCompensation
 from profiles.problem import Problem
 from tests.tui import run_stage
 from tests.tui.page_stage import PageScene, play_on, shown_on

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from console.session.alarms import Priority, raised
-from console.session.state import Activity, StationState, StopState
+from console.session.station.alarms import Priority, raised
+from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 from rich.cells import cell_len
 
-from console.session.alignment import Alignment
-from console.session.progress import CutStage
-from console.session.state import Activity, MeasuredPart, StationState
+from console.session.cut.alignment import Alignment
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import load
 from console.tui.lines import plain
@@ -18,9 +18,9 @@ from console.tui.pages.inspect import InspectPage
 from console.tui.pages.learn_lines import learn_lines
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
-from drivers.cut import Strategy
-from drivers.simulator.shop_view import ShopView
-from profiles.learned import ExpectedPart
+from drivers.cutting.planning import Strategy
+from drivers.simulator.plant.shop_view import ShopView
+from profiles.compensations.learned import ExpectedPart
 from profiles.problem import Problem
 from profiles.rules import Finding, Severity
 from tests.tui import align_stage, run_stage

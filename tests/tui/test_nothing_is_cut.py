@@ -13,9 +13,9 @@ from functools import cache
 import pytest
 from rich.cells import cell_len
 
-from console.session.alarms import Alarm, Priority
-from console.session.part_lesson import PartLesson
-from console.session.state import Activity, StationState, StopState
+from console.session.learning.part_lesson import PartLesson
+from console.session.station.alarms import Alarm, Priority
+from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import LANGUAGES, Catalogue, load
 from console.tui.frame import LEAST_BODY, ROWS, Frame, alarm_row, frame_rows, next_row, stop_row
 from console.tui.gate import FieldKind

@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from console.session.alarms import Priority, raised
-from console.session.intents import TakeOver
-from console.session.state import Activity, StationState
+from console.session.station.alarms import Priority, raised
+from console.session.station.intents import TakeOver
+from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from console.tui.frame import Frame, next_row, state_row
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import line, plain, width_of
 from console.tui.pages.align_lines import why_lines
-from drivers.standing import Standing
+from drivers.lathe.standing import Standing
 from profiles.problem import Problem
 from profiles.store import load_machine
 from tests.golden_text import compare, writing

@@ -14,10 +14,8 @@ import pytest
 from rich.cells import cell_len
 from textual.pilot import Pilot
 
-from console.session.alignment import Alignment, JawAngle
-from console.session.predicted import Prediction, followed, predict
-from console.session.preview import Preview, preview
-from console.session.state import StationState
+from console.session.cut.alignment import Alignment, JawAngle
+from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.desk import View
@@ -25,9 +23,11 @@ from console.tui.lines import plain
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
 from console.tui.pages.preview_lines import Margin, margin_lines, margins, strategy_lines
 from console.tui.theme import Token
-from drivers.cut import Strategy, plan_cut
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.preview.preview import Preview, preview
+from drivers.preview.program_prediction import Prediction, followed, predict
+from profiles.axis.servo import sampled_response
 from profiles.problem import Problem
-from profiles.servo import sampled_response
 from profiles.store import load_job, load_machine
 from tests.tui.stage import (
     EXPERIMENT,

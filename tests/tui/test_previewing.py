@@ -14,11 +14,8 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 
-from console.session import preview as session_preview
-from console.session.alignment import Alignment, JawAngle
-from console.session.outlook import outlook
-from console.session.preview import preview
-from console.session.state import Activity
+from console.session.cut.alignment import Alignment, JawAngle
+from console.session.station.state import Activity
 from console.session.work import STRATEGIES, Work, edited, opened, undone, with_strategy
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
@@ -26,8 +23,11 @@ from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.preview_lines import margin_lines, margins, strategy_lines
 from console.tui.previewing import Previewer
-from drivers.cut import CutPlan, Strategy, plan_cut
-from profiles.compensation import CutPath
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.preview import preview as session_preview
+from drivers.preview.outlook import outlook
+from drivers.preview.preview import preview
+from profiles.compensations.path import CutPath
 from profiles.store import load_job, load_machine
 from tests.tui.scenes import Scene, application, rows_of
 from tests.tui.scenes import machine as state_of

@@ -13,15 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from console.session.preview import Preview, Program, preview, underway
-from console.session.state import StationState
+from console.session.station.state import StationState
 from console.text.catalogue import load
 from console.tui.desk import View
 from console.tui.lines import plain, width_of
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.program import program_lines, program_rows
 from console.tui.theme import Token
-from drivers.cut import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.preview.preview import Preview, Program, preview, underway
 from profiles.store import load_job, load_machine
 from tests.tui.stage import EXPERIMENT, LANGUAGES, MACHINE, FixedControl, PageStage, desk_for, experiment, grid
 

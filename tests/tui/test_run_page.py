@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from console.session.alignment import JawAngle
-from console.session.intents import Arm, Disarm, Hold, Start
-from console.session.phase import Phase
-from console.session.progress import CutStage
-from console.session.ripple import SpindleRipple
-from console.session.state import Activity, Armed, StationState
+from console.session.cut.alignment import JawAngle
+from console.session.cut.phase import Phase
+from console.session.station.intents import Arm, Disarm, Hold, Start
+from console.session.station.progress import CutStage
+from console.session.station.ripple import SpindleRipple
+from console.session.station.state import Activity, Armed, StationState
 from console.session.work import edited, with_strategy
 from console.text.catalogue import load
 from console.tui.lines import plain
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
-from console.tui.pages.input_lines import input_lines
-from drivers.cut import Strategy, plan_cut
+from console.tui.pages.run_lines import input_lines
+from drivers.cutting.planning import Strategy, plan_cut
 from tests.tui.machine_states import ON
 from tests.tui.run_stage import (
     FIGURES,

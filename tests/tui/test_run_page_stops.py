@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from console.session.alignment import Alignment
-from console.session.intents import Arm, Retract
-from console.session.progress import CutStage
-from console.session.state import Activity, StationState
+from console.session.cut.alignment import Alignment
+from console.session.station.intents import Arm, Retract
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity, StationState
 from console.session.work import edited
 from console.text.catalogue import load
 from tests.tui.machine_states import ON, REST

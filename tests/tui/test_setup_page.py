@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from rich.cells import cell_len
 
-from console.session.paths import jobs_folder
-from console.session.state import Activity, StationState
+from console.session.data.kept_files import jobs_folder
+from console.session.station.state import Activity, StationState
 from console.session.work import edited
 from console.text.catalogue import load
 from console.tui.gate import FieldKind

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from console.session.state import Activity
+from console.session.station.state import Activity
 from console.text.catalogue import load
 from console.tui.app import SMALLEST, ConsoleApp
 from console.tui.keymap import PageName, actions_of

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from console.session.sequence import Beside, CutOutcome, Shop, cut_part
-from drivers.cut import CutPlan, Strategy, plan_cut
-from drivers.heartbeat import Heartbeat, cut_condition
-from drivers.lathe import Lathe
+from console.session.cut.sequence import Beside, CutOutcome, Shop, cut_part
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.lathe.heartbeat import Heartbeat, cut_condition
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
-from drivers.stop import StopPath
-from profiles.compensation import CutPath
+from profiles.compensations.path import CutPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.reproduction.bench import Bench, shortened
-from drivers.cut import CutPlan, Strategy, nominal_command
-from drivers.cut_gather import Batch
+from drivers.cutting.planning import CutPlan, Strategy, nominal_command
+from drivers.cutting.sampling import Batch
 from drivers.identification.nominal import nominal_response
+from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.true_parameters import TrueParameters
-from drivers.snapshot import Snapshot
-from profiles.compensation import CutPath, LobedPath, wanted_path
+from profiles.compensations.learning import fit_harmonics, learned_command
+from profiles.compensations.path import CutPath, LobedPath, wanted_path
 from profiles.job import Job
-from profiles.learning import fit_harmonics, learned_command
 from profiles.machine import MachineProfile
 
 BATCH_S = 1.0

@@ -13,8 +13,8 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.containers import Vertical
 
-from console.session.alignment import AlignStep, force_problems
-from console.session.intents import (
+from console.session.cut.alignment import AlignStep, force_problems
+from console.session.station.intents import (
     Approach,
     ConfirmClamping,
     Forget,
@@ -27,11 +27,11 @@ from console.session.intents import (
     TakeTouchOff,
     Verify,
 )
-from console.session.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
-from console.session.state import Activity, StationState
+from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
+from console.session.station.state import Activity, StationState
 from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
-from console.tui.lines import BLANK, Line, dim, line, wrapped
+from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
 from console.tui.pages.align_lines import (
     NEAR_MARK_DEG,
@@ -51,10 +51,9 @@ from console.tui.pages.align_lines import (
 from console.tui.pages.chuck_picture import chuck_lines
 from console.tui.pages.jog_lines import JogView, jog_lines
 from console.tui.pages.jog_presses import SURE_S, JogPresses
-from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from console.tui.waiting import refusal, waiting
-from drivers.snapshot import AxisName
+from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
 from profiles.problem import Problem
 

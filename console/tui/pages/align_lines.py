@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from rich.cells import cell_len
 
-from console.session.alignment import (
+from console.session.cut.alignment import (
     Alignment,
     AlignStep,
     current_step,
@@ -15,10 +15,8 @@ from console.session.alignment import (
     problems,
     step_problems,
 )
-from console.session.axis_units import counts_per_unit
-from console.session.clearance import over_part, tool_in_part
-from console.session.jogging import tool_radius_mm
-from console.session.state import Activity, StationState
+from console.session.station.jogging import counts_per_unit, over_part, tool_in_part, tool_radius_mm
+from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import (
     BLANK,
@@ -37,7 +35,7 @@ from console.tui.lines import (
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from console.tui.waiting import waiting
-from drivers.snapshot import AxisName, Snapshot
+from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
 

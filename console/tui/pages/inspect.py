@@ -9,11 +9,11 @@ from textual.containers import Horizontal, Vertical
 from textual.events import Resize
 from textual.geometry import Size
 
-from console.session.intents import Measure
-from console.session.state import Activity, MeasuredPart, StationState
+from console.session.station.intents import Measure
+from console.session.station.state import Activity, MeasuredPart, StationState
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
-from console.tui.lines import BLANK, Line, line, wrapped
+from console.tui.lines import BLANK, Line, Sheet, line, wrapped
 from console.tui.page import Page
 from console.tui.pages.inspect_lines import (
     Comparison,
@@ -28,9 +28,8 @@ from console.tui.pages.inspect_lines import (
 from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, learn_title, reason_lines
 from console.tui.pages.learning_keys import accept_lesson, revert_version
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
-from console.tui.sheet import Sheet
 from console.tui.theme import Token
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from profiles.problem import Problem, ProblemError
 
 ROWS_FOR_PLOTS = 16

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from console.session.state import MeasuredPart, StationState
+from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.theme import Token
-from drivers.cut import Strategy
-from profiles.compensation import free_state_lobe
+from drivers.cutting.planning import Strategy
+from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.roundness import RoundnessResult, centred_profile
 

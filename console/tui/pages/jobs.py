@@ -7,16 +7,15 @@ from pathlib import Path
 from textual.app import ComposeResult
 from textual.content import Content
 
-from console.session.history import LastResults, last_results
-from console.session.paths import jobs_folder
-from console.session.state import Activity, StationState
+from console.session.data.kept_files import jobs_folder
+from console.session.data.records import LastResults, last_results
+from console.session.station.state import Activity, StationState
 from console.session.work import Work, opened
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
-from console.tui.lines import Line, clipped, line, name_in
+from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
-from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.job import Job
@@ -137,7 +136,7 @@ class JobsPage(Page):
     def _opened(self, loaded: LoadedJob) -> Work:
         """Return the work on a job, with what was learned of it and accepted, in whatever session."""
         # Numerics, which the first page does without.
-        from console.session.compensated import with_accepted
+        from console.session.cut.compensated import with_accepted
 
         fresh = opened(loaded, self.desk.machine)
         return with_accepted(fresh, self.desk.data, simulated=self.desk.control.state.simulated)

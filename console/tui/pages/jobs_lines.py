@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 from rich.cells import cell_len
 
-from console.session.history import LastResult, LastResults
+from console.session.data.records import LastResult, LastResults
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fact, fitted, hanging, line, name_in, wrapped
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.job import Job
-from profiles.lobe_conditions import lobe_source
+from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
 

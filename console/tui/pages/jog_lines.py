@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len
 
-from console.session.jogging import STEPS_DEG, STEPS_MM, Steps, overrun
+from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, overrun
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, Piece, clipped, dim, line, ranged, to_the_right, wrapped
 from console.tui.theme import Token
-from drivers.simulator.shop_view import ShopView
-from drivers.snapshot import AxisName
+from drivers.lathe.snapshot import AxisName
+from drivers.simulator.plant.shop_view import ShopView
 from profiles.machine import MachineProfile
 
 _RUNG_WIDTH = 7

@@ -11,20 +11,18 @@ from textual.containers import Horizontal, Vertical
 from textual.events import Resize
 from textual.geometry import Size
 
-from console.session.alignment import Alignment
-from console.session.compensated import chosen_problems
-from console.session.foreseen import Band, predicted_band
-from console.session.preview import Underway
+from console.session.cut.alignment import Alignment
+from console.session.cut.compensated import chosen_problems
 from console.session.stages import Stage
-from console.session.state import StationState
+from console.session.station.state import StationState
 from console.session.work import STRATEGIES, Work, with_strategy
 from console.text.catalogue import Catalogue
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
-from console.tui.lines import Line, clipped, line, wrapped
+from console.tui.lines import Line, Sheet, clipped, line, wrapped
 from console.tui.page import Page
-from console.tui.pages.choosing_keys import say_what_does_not_hold, step_compensation, step_stage
-from console.tui.pages.made_words import chosen_words
+from console.tui.pages.learn_lines import chosen_words
+from console.tui.pages.learning_keys import say_what_does_not_hold, step_compensation, step_stage
 from console.tui.pages.preview_lines import (
     by_part,
     finding_lines,
@@ -42,9 +40,10 @@ from console.tui.pages.run_lines import window_words
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.scale import nice_limits
 from console.tui.plot.trace_view import Series, TraceView
-from console.tui.sheet import Sheet
 from console.tui.theme import Token
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
+from drivers.preview.band import Band, predicted_band
+from drivers.preview.preview import Underway
 from profiles.problem import ProblemError
 from profiles.rules import Finding, Severity
 

@@ -6,18 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from console.session.alignment import Alignment
-from console.session.closed_form import ClosedForm, closed_form
-from console.session.foreseen import Band
-from console.session.outlook import INVERTING
-from console.session.preview import Prediction, Response, Underway
+from console.session.cut.alignment import Alignment
 from console.session.work import STRATEGIES
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line, ranged, wrapped
 from console.tui.theme import Token
-from drivers.cut import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.preview.band import Band
+from drivers.preview.closed_form import ClosedForm, closed_form
+from drivers.preview.outlook import INVERTING
+from drivers.preview.preview import Prediction, Response, Underway
+from profiles.compensations.learned import ExpectedPart
 from profiles.job import Job
-from profiles.learned import ExpectedPart
 from profiles.problem import Problem, ProblemError
 from profiles.rules import Finding, Severity
 

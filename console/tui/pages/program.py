@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from textual.events import Resize
 
-from console.session.preview import Underway
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, Line, dim, line
+from console.tui.lines import BLANK, Line, Sheet, dim, line
 from console.tui.pages.preview_lines import UNKNOWN, finding_lines, findings_of
-from console.tui.sheet import Sheet
 from console.tui.theme import Palette, Token
-from drivers.cut import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.preview.preview import Underway
 
 _COMMENT = ";"
 

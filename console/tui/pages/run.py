@@ -13,25 +13,25 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
-from console.session.alignment import JawAngle
-from console.session.clearance import no_retract, tool_in_part
-from console.session.compensated import with_news
-from console.session.intents import Arm, Disarm, Hold, Retract, Start
-from console.session.progress import CutProgress, CutStage
+from console.session.cut.alignment import JawAngle
+from console.session.cut.compensated import with_news
 from console.session.stages import Stage
-from console.session.state import Activity, StationState
+from console.session.station.intents import Arm, Disarm, Hold, Retract, Start
+from console.session.station.jogging import no_retract, tool_in_part
+from console.session.station.progress import CutProgress, CutStage
+from console.session.station.state import Activity, StationState
 from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
-from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, line, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, line, wrapped
 from console.tui.page import Page
 from console.tui.pages.cut_lines import error_series, live_lines, mean_error_um, progress_line, values_title
-from console.tui.pages.input_lines import input_lines
 from console.tui.pages.run_lines import (
     after_lines,
     check_lines,
     checks,
     failing,
     figure_lines,
+    input_lines,
     is_over,
     moves_lines,
     summary_lines,
@@ -39,10 +39,9 @@ from console.tui.pages.run_lines import (
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TraceView
-from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from console.tui.waiting import refusal
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
 from profiles.problem import Problem
 
 ENDED = (CutStage.DONE, CutStage.HELD)

@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from console.session.alignment import (
+from rich.cells import cell_len
+
+from console.session.cut.alignment import (
     Alignment,
     AlignStep,
     aligned_job,
@@ -14,20 +16,21 @@ from console.session.alignment import (
     problems,
     step_problems,
 )
-from console.session.compensated import chosen_problems
-from console.session.interlocks import of_job, of_lobe
-from console.session.jogging import tool_radius_mm
-from console.session.progress import CutProgress, CutStage
+from console.session.cut.compensated import chosen_problems
+from console.session.cut.interlocks import of_job, of_lobe
 from console.session.stages import Stage
-from console.session.state import Armed, StationState
+from console.session.station.jogging import tool_radius_mm
+from console.session.station.progress import CutProgress, CutStage
+from console.session.station.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, hanging, line, name_in, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fact, hanging, line, name_in, wrapped
 from console.tui.pages.fields import named
-from console.tui.pages.made_words import armed_words, chosen_words
+from console.tui.pages.learn_lines import armed_words, chosen_words
 from console.tui.pages.stop_lines import cut_words, mark_lines
 from console.tui.theme import Token
-from drivers.cut import Strategy
+from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import Snapshot
 from profiles.chucking.advice import Stands, force_span
 from profiles.files import printable
 from profiles.job import Job
@@ -284,3 +287,30 @@ def _next_lines(text: Catalogue, state: StationState, width: int) -> list[Line]:
 
 def _fact(text: Catalogue, key: str, value: str, width: int) -> Line:
     return fact(text(f"run_page.figure.{key}"), value, width, label_width=LABEL_WIDTH + 6)
+
+
+def input_lines(text: Catalogue, snapshot: Snapshot | None, width: int, height: int | None = None) -> list[Line]:
+    """Return the devices, those that are not as they must be first; nothing where there are none.
+
+    Where not all have room, those that are well give way, and then the last.
+    """
+    seen = {} if snapshot is None else snapshot.inputs
+    bad = [(f"✗ {text(f'run_page.input.{name}')}", Token.WARNING) for name, good in seen.items() if not good]
+    well = [(f"✓ {text(f'run_page.input.{name}')}", Token.DIM) for name, good in seen.items() if good]
+    rows = _in_rows([*bad, *well], width)
+    return rows if height is None or len(rows) <= height else _in_rows(bad, width)[: max(height, 0)]
+
+
+def _in_rows(pieces: list[Piece], width: int) -> list[Line]:
+    """Set pieces beside each other, two cells apart, as many as a row takes."""
+    rows: list[list[Piece]] = []
+    room = 0
+    for words, token in pieces:
+        needs = cell_len(words) + 2
+        if not rows or needs > room:
+            rows.append([(words, token)])
+            room = width - cell_len(words)
+        else:
+            rows[-1] += [dim("  "), (words, token)]
+            room -= needs
+    return [tuple(row) for row in rows]

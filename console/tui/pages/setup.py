@@ -9,18 +9,17 @@ from textual.containers import Vertical
 from textual.content import Content
 from textual.widgets import Input
 
-from console.session.calibrated_chuck import warnings_of
-from console.session.paths import jobs_folder
-from console.session.state import Activity, StationState
+from console.session.data.calibrated_chuck import warnings_of
+from console.session.data.kept_files import jobs_folder
+from console.session.station.state import Activity, StationState
 from console.session.work import Work, saved_as, undone
 from console.tui.desk import Desk, View
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import Line, dim, hanging, line, name_in
+from console.tui.lines import Line, Sheet, dim, hanging, line, name_in
 from console.tui.page import Page
 from console.tui.pages.fields import FORM, FormField, free_name, judge, name_problem, named, with_unit, written
 from console.tui.pages.setup_lines import FormState, draft, finding_lines, form, speed_lines
-from console.tui.sheet import Sheet
 from console.tui.theme import Token
 from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable

@@ -17,7 +17,7 @@ from profiles.chucking.holding import holding_of
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
 from profiles.chucking.wrench import torque_or_none_n_m
 from profiles.job import Job
-from profiles.lobe_conditions import changed_conditions, lobe_source
+from profiles.lobe.lobe_conditions import changed_conditions, lobe_source
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.rules import Finding, Severity

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from console.session.progress import CutProgress
-from console.session.state import StationState, StopState, TouchedBlank
+from console.session.station.progress import CutProgress
+from console.session.station.state import StationState, StopState, TouchedBlank
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, clipped, fact, wrapped
 from console.tui.theme import Token

@@ -16,7 +16,7 @@ from drivers.pmac.analysis.timing import interrupt_ms
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.analysis.zigzag import ZigZag
 from drivers.pmac.trajectory.linear import Limits, LinearMove, Timing, effective_timing
-from profiles.servo import sampled_response
+from profiles.axis.servo import sampled_response
 
 WANTED_SHARE = 0.95
 """The share of the stroke for which times are looked for."""

@@ -2,30 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 from drivers.pmac.analysis.explanation import explain
-from drivers.pmac.analysis.findings import Finding, Level, Sentence
-from drivers.pmac.analysis.flow import flow_findings
+from drivers.pmac.analysis.findings import Code, Finding, Level, Sentence, Value
 from drivers.pmac.analysis.limits import limit_findings
 from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
 from drivers.pmac.analysis.path import path_findings
-from drivers.pmac.analysis.rounding import rounding_findings
-from drivers.pmac.analysis.source import with_times
 from drivers.pmac.analysis.start import Start, start_counts, start_of
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.synchronism import synchronism_findings
 from drivers.pmac.analysis.tables import table_findings
 from drivers.pmac.analysis.timeline import Timeline
-from drivers.pmac.analysis.timing import timing_findings
-from drivers.pmac.analysis.walk import walk
+from drivers.pmac.analysis.timing import rounding_findings, timing_findings
+from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.analysis.zigzag import find_zigzag
 from drivers.pmac.axes import AxisDefinition, read_definitions
+from drivers.pmac.compensation.buffers import TableOrderError
 from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
 from profiles.machine import MachineProfile
+
+
+def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Finding]:
+    """Return what a program does that it does not say, and what of it the card does not even take."""
+    walk = subject.walk
+    findings = [_refused(line) for line in refused]
+    if walk.error is not None:
+        place = subject.place_of(walk.steps[-1].program, walk.steps[-1].line)
+        values: dict[str, Value] = {"error": str(walk.error), "number": int(walk.error.code)}
+        findings.append(Finding(code=Code.RUN_TIME_ERROR, level=Level.FAULT, lines=(place,), values=values))
+    findings += [_endless(subject, left) for left in walk.left]
+    if walk.ending is Ending.TOO_LONG:
+        long: dict[str, Value] = {"steps": len(walk.steps)}
+        findings.append(Finding(code=Code.TOO_LONG, level=Level.NOTICE, values=long))
+    if not subject.moves:
+        findings.append(Finding(code=Code.NO_MOTION, level=Level.NOTICE))
+    return findings
+
+
+def _refused(line: RefusedLine) -> Finding:
+    values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
+    if isinstance(line.error, TableOrderError):
+        values |= {"motor": line.error.motor, "lower": line.error.lower}
+        return Finding(code=Code.TABLE_ORDER, level=Level.FAULT, lines=(line.place,), values=values)
+    return Finding(code=Code.LINE_REFUSED, level=Level.FAULT, lines=(line.place,), values=values)
+
+
+def _endless(subject: Subject, left: Left) -> Finding:
+    """A loop that moves is a cut without an end; one that does not is a wait for somebody."""
+    loop = left.circle.loop
+    first, last = (loop.first, loop.last) if loop is not None else (left.line, left.line)
+    here = (subject.place_of(subject.walk.number, first),)
+    values: dict[str, Value] = {"passes": _passes(subject, left), "repeats": left.circle.period is not None}
+    if not left.flags:
+        return Finding(code=Code.ENDLESS_WITHOUT_FLAG, level=Level.WARNING, lines=here, values=values)
+    values |= {"flags": ", ".join(f"{kind}{index}={value:g}" for (kind, index), value in left.flags.items())}
+    moving = any(first <= subject.walk.steps[move.step].main_line <= last for move in subject.moves)
+    if moving:
+        return Finding(code=Code.ENDLESS_LOOP, level=Level.WARNING, lines=here, values=values)
+    return Finding(code=Code.WAITS_FOR_FLAG, level=Level.NOTICE, lines=here, values=values)
+
+
+def _passes(subject: Subject, left: Left) -> int:
+    """Return how often the program came by: the pass in which the flag is set is made to its end, too."""
+    steps = subject.walk.steps[: left.step + 1]
+    return sum(step.place == steps[-1].place for step in steps)
+
 
 _ORDER = list(Level)
 
@@ -135,3 +181,21 @@ def _place(text: ProgramText, program: int, line: int) -> int:
     """Return the line of the text, from 1, of a line of a program."""
     places = text.places.get(program, ())
     return places[line] if line < len(places) else 0
+
+
+def with_times(text: ProgramText, ta_ms: float | None, ts_ms: float | None) -> ProgramText:
+    """Return the programs with other values in their TA and TS words; None leaves them as they are."""
+    times = {word: Number(float(ms)) for word, ms in (("TA", ta_ms), ("TS", ts_ms)) if ms is not None}
+    if not times:
+        return text
+    subprograms = {number: _changed(program, times) for number, program in text.subprograms.items()}
+    return replace(text, program=_changed(text.program, times), subprograms=subprograms)
+
+
+def _changed(program: Program, times: dict[str, Number]) -> Program:
+    def other(statement: Statement) -> Statement:
+        if isinstance(statement, Set) and statement.word in times:
+            return Set(statement.word, times[statement.word])
+        return statement
+
+    return tuple(tuple(other(statement) for statement in line) for line in program)

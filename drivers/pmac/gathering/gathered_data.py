@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gather import GatherError, listed_words, long_words_of, unpack
-from drivers.pmac.master.converted_position import COUNT_PARTS
+from drivers.pmac.master.following import COUNT_PARTS
 from drivers.pmac.memory import Pointer
 
 SCALE_NUMBERS = (8, 9, 60)

@@ -6,8 +6,7 @@ import string
 from collections.abc import Mapping
 
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.program_buffers import HIGHEST_PLC
-from drivers.pmac.language.reading import Reader, parse_numbers
+from drivers.pmac.language.reading import HIGHEST_PLC, Reader, parse_numbers
 from drivers.pmac.language.syntax import Message, PlcSwitch
 
 PORTS = ("S", "P", "R", "A")

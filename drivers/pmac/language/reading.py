@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from drivers.pmac.language.expressions import at_data, parse_data
@@ -68,3 +69,17 @@ def _number(scanner: Scanner, lowest: int, highest: int) -> int:
     if number is None or not lowest <= number <= highest:
         raise scanner.refusal(f"expected a number from {lowest} to {highest}")
     return number
+
+
+HIGHEST_PROGRAM = 32_767
+HIGHEST_PLC = 31
+
+PROGRAM = ("PROGRAM", "PROG")
+OPEN_PROGRAM = tuple(f"OPEN{word}" for word in PROGRAM)
+OPEN_PLC = ("OPENPLC",)
+CLEAR = ("CLEAR", "CLR")
+CLOSE = ("CLOSE", "CLS")
+
+_SPACES = r"\s*"
+TRAILING_CLOSE = re.compile(f"(?:{'|'.join(map(_SPACES.join, CLOSE))}){_SPACES}$", re.IGNORECASE)
+"""CLOSE at the end of a line that is stored; white space may stand anywhere in it."""

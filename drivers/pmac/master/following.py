@@ -13,7 +13,22 @@ from dataclasses import dataclass, replace
 from enum import StrEnum, auto
 
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.master.converted_position import COUNT_PARTS, register_change
+from drivers.pmac.memory import WORD_BITS
+
+COUNT_PARTS = 32
+"""The parts of a count that five bits of fraction tell apart."""
+
+
+def parts_of(counts: float) -> int:
+    """Return the whole 1/32 that a position in counts has reached."""
+    return int(counts * COUNT_PARTS // 1)
+
+
+def register_change(new: int, old: int) -> int:
+    """Return how far the register went, the shorter way round, 1/32 count."""
+    half = 1 << (WORD_BITS - 1)
+    return (new - old + half) % (1 << WORD_BITS) - half
+
 
 _ADDRESS, _ENABLE, _RATIO, _SCALE = 5, 6, 7, 8
 """Ix05 master address, Ix06 enable, Ix07 and Ix08 the teeth of the two gears."""

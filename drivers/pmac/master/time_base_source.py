@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from fractions import Fraction
 
-from drivers.pmac.master.converted_position import COUNT_PARTS, parts_of
+from drivers.pmac.master.following import COUNT_PARTS, parts_of
 from drivers.pmac.memory import WORD_BITS
 from drivers.pmac.settings import I10_PER_MS
 

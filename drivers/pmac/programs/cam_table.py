@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
 from drivers.pmac.programs.setup import CutSetup
-from profiles.compensation import LobedPath, chord_error, chord_scale
+from profiles.compensations.path import LobedPath, chord_error, chord_scale
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 

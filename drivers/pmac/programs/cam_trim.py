@@ -13,7 +13,7 @@ import math
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
 from drivers.pmac.programs.setup import CutSetup
-from profiles.compensation import LobedPath
+from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
 MOST_TRIM_UM = 8.0

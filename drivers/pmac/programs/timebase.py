@@ -22,13 +22,12 @@ from drivers.pmac.master.time_base_source import (
     nearest_factor,
     real_time_counts_per_ms,
 )
-from drivers.pmac.programs.lobe_path import LOBE_PATH
-from drivers.pmac.programs.pvt import path_values, pvt_timing
+from drivers.pmac.programs.pvt import LOBE_PATH, path_values, pvt_timing
 from drivers.pmac.programs.setup import SERVO, CutSetup
 from drivers.pmac.settings import settings_with
 from drivers.pmac.trajectory.jog import change_speed, jog_settings
 from drivers.pmac.variables import VariableStore
-from profiles.compensation import LobedPath
+from profiles.compensations.path import LobedPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
 

@@ -5,7 +5,8 @@ Every vector is in the order of the definitions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 from drivers.pmac.axes import AxisDefinition, axis_positions
 from drivers.pmac.dialect import Setting
@@ -15,8 +16,50 @@ from drivers.pmac.trajectory.circle import Arc, arc_of
 from drivers.pmac.trajectory.jog import JogSettings, jog_settings
 from drivers.pmac.trajectory.linear import Limits
 from drivers.pmac.trajectory.pieces import Vector
-from drivers.pmac.trajectory.rollover import ROTARY, Rollover
 from drivers.pmac.variables import VariableStore
+
+ROTARY = frozenset("ABC")
+
+ROUNDING = 1e-9
+"""The share of a turn within which a motor already stands where it is sent."""
+
+
+class Rollover:
+    """Keeps the whole turns between what a program calls the position of a motor and where it is."""
+
+    def __init__(self, definitions: Sequence[AxisDefinition], variables: VariableStore) -> None:
+        self._rotary = [(k, d) for k, d in enumerate(definitions) if d.axis in ROTARY]
+        self._variables = variables
+        self._turns = {k: 0.0 for k, _ in self._rotary}  # counts
+
+    def unfold(
+        self, counts: Vector, here: Vector, targets: Mapping[str, float], absolute: frozenset[str]
+    ) -> Vector:
+        """Return where the motors are to go; `absolute` are the axes that were told a position."""
+        unfolded = list(counts)
+        for index, definition in self._rotary:
+            turn = self._variables.motor(definition.motor, 27)
+            if turn and definition.axis in absolute:
+                forwards = (targets[definition.axis] >= 0.0) == (definition.scale > 0.0) if turn < 0.0 else None
+                way = _way_round(counts[index] - here[index], abs(turn), forwards)
+                self._turns[index] = here[index] + way - counts[index]
+            unfolded[index] += self._turns[index]
+        return tuple(unfolded)
+
+
+def _way_round(distance: float, turn: float, forwards: bool | None) -> float:
+    """Return the distance by the shorter way, or in a direction."""
+    up = math.fmod(distance, turn)
+    if up < 0.0:
+        up += turn
+    if up > (1.0 - ROUNDING) * turn:
+        up -= turn  # it stands there, but for rounding
+    if forwards is None:
+        return up if up <= 0.5 * turn else up - turn
+    if forwards or abs(up) <= ROUNDING * turn:
+        return up
+    return up - turn
+
 
 FARTHEST_COUNTS = 2.0**47 / (96 * 32)
 """Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.message_statements import MESSAGE_READERS
-from drivers.pmac.language.program_buffers import (
+from drivers.pmac.language.reading import (
     CLEAR,
     CLOSE,
     HIGHEST_PLC,
@@ -16,7 +16,7 @@ from drivers.pmac.language.program_buffers import (
 )
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.language.text import format_line, format_plc_line
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 from drivers.simulator.commands.handler import LINE_WORK, Handler, say
 from drivers.simulator.context import Context
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 from drivers.simulator.commands.handler import LINE_WORK, Handler
 from drivers.simulator.commands.jogs import ALWAYS_ON_LINE
 from drivers.simulator.context import Context

@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.pmac.gathering.gather import listing
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 from drivers.simulator.commands.handler import LINE_WORK, Handler
 from drivers.simulator.context import Context
 

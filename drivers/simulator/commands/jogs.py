@@ -5,9 +5,9 @@ from __future__ import annotations
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.trajectory.frame import FARTHEST_COUNTS
+from drivers.simulator.card.motor import Motor
 from drivers.simulator.commands.handler import Handler, signed_constant
 from drivers.simulator.context import Context
-from drivers.simulator.motor import Motor
 
 
 def _free_motor(context: Context) -> Motor:

@@ -12,7 +12,7 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 from drivers.simulator.commands import (
     addressing,
     buffer_words,

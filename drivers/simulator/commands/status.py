@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.pmac.language.lexer import Scanner
-from drivers.simulator import reports
+from drivers.simulator.card import reports
 from drivers.simulator.commands.handler import Handler, say
 from drivers.simulator.context import Context
 

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from drivers.pmac.axes import AXIS_LETTERS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.program_buffers import HIGHEST_PROGRAM
+from drivers.pmac.language.reading import HIGHEST_PROGRAM
 from drivers.pmac.language.text import format_line, format_number
+from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.commands.handler import LINE_WORK, Handler, say
 from drivers.simulator.context import Context
-from drivers.simulator.coordinate import CoordinateSystem
 
 LABELS = 100_000
 """The fraction behind a program number is a label in units of 1/100000: `B1.1` is label N10000."""

@@ -7,7 +7,7 @@ import re
 from drivers.pmac.compensation.table_text import definition_text, entry_lines, scan_definition, scan_entries
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.simulator import buffers
+from drivers.simulator.card import buffers
 from drivers.simulator.commands.handler import LINE_WORK, Handler
 from drivers.simulator.context import Context
 

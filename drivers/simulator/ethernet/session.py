@@ -22,12 +22,12 @@ from drivers.pmac.ethernet import (
     take_request,
     write_reply,
 )
-from drivers.simulator.connection import UNREAD_LIMIT
-from drivers.simulator.control_characters import CONTROL_X
+from drivers.simulator.commands.control_characters import CONTROL_X
 from drivers.simulator.ethernet.board import Board
 from drivers.simulator.faults.host_line import Carriage
+from drivers.simulator.hosts.connection import UNREAD_LIMIT
+from drivers.simulator.hosts.port import INBOX_LIMIT, Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.port import INBOX_LIMIT, Port
 
 BELL, CR = b"\x07", b"\r"
 

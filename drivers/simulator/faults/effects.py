@@ -15,9 +15,9 @@ from drivers.simulator.faults.spoiling import SPOILERS
 from drivers.simulator.faults.stranger import Card, Stranger
 
 if TYPE_CHECKING:
-    from drivers.simulator.controller import Controller
-    from drivers.simulator.motor import Motor
-    from drivers.simulator.watchdog import Background
+    from drivers.simulator.card.controller import Controller
+    from drivers.simulator.card.motor import Motor
+    from drivers.simulator.card.watchdog import Background
 
 GAIN = 30
 """Ix30, the proportional gain."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from drivers.errors import LinkError
 
 if TYPE_CHECKING:
-    from drivers.simulator.port import Port
+    from drivers.simulator.hosts.port import Port
 
 _CONTROL = re.compile(r"\^[A-Z]")
 """A control character, as it is written: no line begins like that."""

@@ -3,9 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from drivers.simulator.plant.ends import Ends
+import numpy as np
+
+read_encoder: Callable[[float], int] = round
+"""The reading for a true position, both in counts: the nearest whole one. A name for what Python has built in,
+because it stands in the innermost loop of all."""
+
+DRAWN_AT_ONCE = 4096
+
+
+class Scale:
+    """A scale without noise. `now` and `before` are the noise of its last two readings, in counts."""
+
+    now = before = 0.0
+    read = staticmethod(read_encoder)
+
+
+class NoisyScale(Scale):
+    """A scale whose every reading has a Gaussian noise of its own before it is rounded."""
+
+    def __init__(self, rms_counts: float, seed: int) -> None:
+        self._rms_counts = rms_counts
+        self._generator = np.random.default_rng(seed)
+        self._drawn: list[float] = []
+
+    def read(self, place: float) -> int:
+        """Return the reading at a true place, counts."""
+        if not self._drawn:
+            self._drawn = self._generator.normal(0.0, self._rms_counts, DRAWN_AT_ONCE).tolist()
+        self.before, self.now = self.now, self._drawn.pop()
+        return round(place + self.now)
+
 
 OPEN_LOOP_COUNTS_PER_S = 100_000.0
 """Speed that a full open-loop output drives an ideal axis to, in the time constant with which it runs out."""
@@ -104,3 +135,20 @@ class IdealAxis:
 def bare_axis(cycle_s: float) -> IdealAxis:
     """Return an axis with nothing behind it, for a motor that the machine does not use."""
     return IdealAxis(cycle_s, BARE_COAST_S, origin=BARE_ORIGIN)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ends:
+    """Machine positions in counts. Beyond them the iron cannot be; it stands where it has met one."""
+
+    lowest: float
+    highest: float
+
+    def holds(self, place: float) -> float:
+        """Return the place where the iron is that something would bring to `place`."""
+        return min(max(place, self.lowest), self.highest)
+
+
+def ends_at(ends_mm: tuple[float, float] | None, counts_per_mm: float) -> Ends | None:
+    """Return the ends of an axis in its counts."""
+    return ends_mm and Ends(lowest=ends_mm[0] * counts_per_mm, highest=ends_mm[1] * counts_per_mm)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulator.plant.collision import Collision
+from drivers.simulator.plant.shop_view import ShopView
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.workpiece import ANGLES, Workpiece
-from drivers.simulator.shop_view import ShopView
 from profiles.traces import Trace
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drivers.simulator.plant.encoder import read_encoder
+from drivers.simulator.plant.axis import read_encoder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

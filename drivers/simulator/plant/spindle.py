@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from drivers.simulator.card.servo import Axis
 from drivers.simulator.plant.ripple import Ripple
-from drivers.simulator.servo import Axis
 
 
 class Spindle:

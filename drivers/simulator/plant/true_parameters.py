@@ -10,11 +10,48 @@ import math
 from dataclasses import dataclass, replace
 from random import Random
 
-from drivers.simulator.plant.jaws import Jaws
 from drivers.simulator.plant.workpiece import Blank
 from profiles.chucking.grip import centrifugal_loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
+
+JAW_STIFFNESS_N_PER_UM = 50.0
+"""Radial stiffness of a jaw with its guide and its contact, a usual value."""
+
+OVAL = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jaws:
+    """The jaws of a chuck that holds a ring with `force_n` in all, jaw 1 by a share `first_harder` above the mean.
+
+    A radial load bends a ring n times a turn by 1 / (n^2 - 1)^2 of it: an oval is softer than any lobe. Loads
+    W_i at angles a_i make a wave of sum W_i cos n (angle - a_i). With jaw 1 the share d above the mean, the
+    others below it, and n no multiple of the N jaws, that is W d N / (N - 1) against the N W of the lobe.
+    """
+
+    count: int
+    force_n: float
+    first_harder: float
+
+    @property
+    def oval_share(self) -> float:
+        """Amplitude of what comes twice a turn over that of the lobe; two jaws make their lobe of it."""
+        if self.count == OVAL:
+            return 0.0
+        softer = (self.count**2 - 1) ** 2 / (OVAL**2 - 1) ** 2
+        return self.first_harder / (self.count - 1) * softer
+
+    @property
+    def shift_um(self) -> float:
+        """How far jaw 1 presses the whole part off the axis, against the stiffness N k / 2 of the chuck.
+
+        Two opposite jaws are stiff by 2 k along their line, and yield not at all across it.
+        """
+        unbalanced_n = self.force_n / self.count * self.first_harder * self.count / (self.count - 1)
+        stiffness = JAW_STIFFNESS_N_PER_UM * (self.count if self.count == OVAL else self.count / 2.0)
+        return unbalanced_n / stiffness
+
 
 TIP_OFF_BY_UM = 300
 """How far from its nominal radius the tip of a tool may stand that was clamped by hand."""

@@ -1,0 +1,136 @@
+"""A cut with what was learned: which path it is where jaw 1 was found, and why it may not be cut like that.
+
+A version is kept with jaw 1 where the file of its job has it. The chuck may be mounted otherwise: the path is
+turned by as much as the lobe is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from console.session.data.learned_store import accepted, asked_for, versions
+from console.session.stages import FOLLOWING, Stage, staged
+from console.session.work import Work
+from drivers.cutting.planning import Strategy
+from profiles.compensations.learned import LearnedCompensation, differences
+from profiles.compensations.path import CutPath
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProblemError
+from profiles.store import LoadedJob, LoadedMachine
+
+
+def path_of(
+    job: Job,
+    filed: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    stage: Stage,
+    compensation: LearnedCompensation | None,
+) -> CutPath | None:
+    """Return the path of a cut, None as for `plan_cut`; `job` is `filed` with jaw 1 where it was found.
+
+    Raises:
+        ProblemError: as `staged`.
+    """
+    learned = None
+    if compensation is not None:
+        learned = compensation.path.turned(job.lobe_phase_deg - filed.lobe_phase_deg)
+    return staged(job, machine, strategy, stage, learned)
+
+
+def compensation_problems(
+    compensation: LearnedCompensation | None,
+    loaded: LoadedJob | None,
+    machine: LoadedMachine,
+    strategy: Strategy,
+    stage: Stage,
+    *,
+    simulated: bool,
+) -> tuple[Problem, ...]:
+    """Return why a part may not be cut with this compensation, None the model, in this stage.
+
+    `loaded` is the file of the job, None for one that was edited: codes `learned.edited`, those of `differences`,
+    and `stage.strategy`.
+    """
+    problems: list[Problem] = []
+    if compensation is not None and loaded is None:
+        problems.append(Problem(code="learned.edited", key=str(compensation.version)))
+    elif compensation is not None and loaded is not None:
+        problems += differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
+    if stage is Stage.PARTIAL and strategy not in FOLLOWING:
+        limit = " | ".join(FOLLOWING)
+        problems.append(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
+    return tuple(problems)
+
+
+def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
+    """Return the work on a job that was just opened, to be cut with the newest version that was accepted of it.
+
+    Where that is none of this cut any more, or cannot be read, it is the model's, and that is said.
+    """
+    try:
+        newest = accepted(work.loaded, work.machine, data, simulated=simulated)
+    except ProblemError as error:
+        return replace(work, set_aside=tuple(error.problems))
+    if newest is None:
+        return work
+    used = using(work, newest)
+    problems = chosen_problems(used, simulated=simulated)
+    return replace(work, set_aside=problems) if problems else used
+
+
+def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
+    """Return the work with a word of a newer version that was accepted since, as by `console learn` elsewhere.
+
+    What was chosen stays chosen. Files that cannot be read are told where the version is used.
+    """
+    try:
+        newest = accepted(work.loaded, work.machine, data, simulated=simulated)
+    except ProblemError:
+        return work
+    if newest is None or work.edited or chosen_problems(using(work, newest), simulated=simulated):
+        return work
+    used = 0 if work.compensation is None else work.compensation.version
+    if newest.version <= used or (used == 0 and work.set_aside):
+        return work
+    return replace(work, set_aside=(Problem(code="learned.newer", key=str(newest.version)),))
+
+
+def using(work: Work, version: LearnedCompensation) -> Work:
+    """Return the work with a version, which is one of its strategy: both are chosen."""
+    return replace(work, compensation=version, strategy=version.holds_for.strategy, set_aside=())
+
+
+def without_learned(work: Work) -> Work:
+    """Return the work with the model again; a version that was learned is set aside, which is said."""
+    learned = work.compensation
+    if learned is None or learned.is_model:
+        return replace(work, compensation=None, set_aside=())
+    return replace(
+        work, compensation=None, set_aside=(Problem(code="learned.set_aside", key=str(learned.version)),)
+    )
+
+
+def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
+    """Return why the job in hand may not be cut with the compensation and the stage that were chosen."""
+    return compensation_problems(
+        work.compensation,
+        None if work.edited else work.loaded,
+        work.machine,
+        Strategy(work.strategy),
+        Stage(work.stage),
+        simulated=simulated,
+    )
+
+
+def stored_problems(compensation: LearnedCompensation, data: Path) -> tuple[Problem, ...]:
+    """Return why a version is not what is on the disk: `learned.file_changed`, or what is wrong with a file."""
+    try:
+        known = versions(data, compensation.holds_for)
+    except ProblemError as error:
+        return tuple(error.problems)
+    if compensation in known:
+        return ()
+    return (Problem(code="learned.file_changed", key=str(compensation.version)),)

@@ -1,0 +1,129 @@
+"""What must hold before a cut may start. Each interlock has a name, and a reason when it does not hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from console.session.errors import SessionError
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.lengths import Lengths
+from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.rules import Severity, check, force_as_measured, lobe_as_found, refusals
+
+SPEED_BAND = 0.02
+"""How far off the speed of the job a spindle may be that somebody else turns: the servo is inverted for that."""
+
+START_BAND_COUNTS = 10.0
+"""How far an axis may stand from its start position."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interlock:
+    """One condition; `problems` say why it does not hold, and are empty when it does."""
+
+    name: str
+    problems: tuple[Problem, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing stands in the way."""
+        return not self.problems
+
+
+def of_job(job: Job, machine: MachineProfile, where: str = "") -> Interlock:
+    """Return whether the job fits the machine at all; `where` is the file of the job."""
+    problems = tuple(replace(finding.problem, where=where) for finding in refusals(check(job, machine)))
+    return Interlock(name="job_fits_machine", problems=problems)
+
+
+def of_lobe(job: Job, machine: MachineProfile, strategy: Strategy, *, simulated: bool) -> Interlock:
+    """Return whether this cut is like the one in which the lobe error was found, with the force that it had.
+
+    A plain cut uses no error. A simulated lathe may be cut on when nobody can tell: that is a warning of the job.
+    """
+    found = () if strategy is Strategy.NONE else (force_as_measured(job), *lobe_as_found(job, machine))
+    problems = tuple(finding.problem for finding in found if finding.severity is not Severity.OK)
+    borne = ("rule.lobe_unstated",) if simulated else ()
+    return Interlock(name="lobe_as_found", problems=tuple(p for p in problems if p.code not in borne))
+
+
+def of_program(plan: CutPlan) -> Interlock:
+    """Return whether the program stays within the machine."""
+    problems = tuple(finding.problem for finding in refusals(plan.findings))
+    return Interlock(name="program_is_safe", problems=problems)
+
+
+def of_machine(
+    snapshot: Snapshot, plan: CutPlan, machine: MachineProfile, settings: tuple[Problem, ...]
+) -> tuple[Interlock, ...]:
+    """Return what the controller must report before the start; `settings` are its differences."""
+    lengths = Lengths(machine)
+    starts = dict(zip(AxisName, (plan.tool_start, plan.spindle_start, plan.carriage_start), strict=True))
+    away = tuple(
+        Problem(
+            code="machine.not_at_start",
+            key=axis,
+            value=lengths.at(axis, state.commanded),
+            limit=lengths.around(axis, starts[axis], START_BAND_COUNTS),
+        )
+        for axis, state in zip(snapshot.driven, snapshot.driven_axes, strict=True)
+        # A program goes on from where an axis is commanded to be; it may still lag there by what friction holds.
+        if abs(state.commanded - starts[axis]) > START_BAND_COUNTS
+    )
+    return (
+        Interlock(name="controller_verified", problems=settings),
+        _yes_or_no("drives_on", snapshot.loops_closed, "machine.not_enabled"),
+        _yes_or_no("homed", snapshot.homed, "machine.not_homed"),
+        _yes_or_no("at_rest", snapshot.at_rest, "machine.moving"),
+        Interlock(name="no_fault", problems=_faults(snapshot)),
+        Interlock(name="at_start", problems=away),
+    )
+
+
+def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> Interlock:
+    """Return whether jaw 1 is known from where the strategy counts the angle of a spindle that was never homed.
+
+    A table counts from where the card was switched on, as jaw 1 does that was found at the machine (`jaw_found`);
+    the spindle's time counts from the index, as the file of a job does.
+    """
+    code = ""
+    if machine.spindle.followed and strategy is Strategy.CAM and not jaw_found:
+        code = "cut.zero_unknown"
+    elif machine.spindle.followed and strategy is Strategy.TIMEBASE and jaw_found:
+        code = "cut.index_unknown"
+    return Interlock(name="zero_known", problems=(Problem(code=code, key=strategy),) if code else ())
+
+
+def at_speed(lathe: Lathe, job: Job) -> Interlock:
+    """Return whether a spindle that is switched and set at the lathe has the speed of the job."""
+    if not lathe.machine.spindle.followed:
+        return Interlock(name="at_speed")
+    rpm, wanted_rpm = lathe.spindle_rpm(), job.spindle_speed_rpm
+    holds = abs(rpm - wanted_rpm) <= SPEED_BAND * wanted_rpm
+    value, limit = f"{rpm:.1f} rpm", f"{wanted_rpm:.1f} ± {SPEED_BAND * wanted_rpm:.1f} rpm"
+    problem = Problem(code="machine.not_at_speed", key=AxisName.SPINDLE, value=value, limit=limit)
+    return Interlock(name="at_speed", problems=() if holds else (problem,))
+
+
+def refuse_unless(*interlocks: Interlock) -> None:
+    """Go on only when every interlock holds.
+
+    Raises:
+        SessionError: every reason why the cut may not start.
+    """
+    reasons = [problem for interlock in interlocks for problem in interlock.problems]
+    if reasons:
+        raise SessionError(*reasons)
+
+
+def _yes_or_no(name: str, holds: bool, code: str) -> Interlock:
+    return Interlock(name=name, problems=() if holds else (Problem(code=code),))
+
+
+def _faults(snapshot: Snapshot) -> tuple[Problem, ...]:
+    # A program's run-time error is no reason: only the next start clears that bit.
+    return tuple(Problem(code="machine.fault", key="arm", value=fault) for fault in snapshot.axis_faults)

@@ -1,0 +1,194 @@
+"""A whole job: the part as it would be without compensation, the part with it, and what was gained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from console.session.cut.interlocks import of_job, of_lobe, of_program, of_zero, refuse_unless
+from console.session.cut.sequence import CutOutcome, Shop, Step, cut_part
+from console.session.cut.telemetry import CutFigures
+from console.session.stages import Stage, air_mm, staged
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from profiles.compensations.path import CutPath, Expected, expected
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.roundness import RoundnessResult, evaluate
+from profiles.rules import Severity, check
+from profiles.traces import Trace
+
+FILTER_UPR = 50.0
+"""Cut-off of the filter that before and after are compared with."""
+
+_PARTS = {Stage.AIR: "air", Stage.PARTIAL: "partial", Stage.FULL: "after"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunPlan:
+    """What will be done, judged but not begun. `warnings` are told before anything moves.
+
+    There is no `reference`, the same without compensation, where the controller does not turn the spindle: only a
+    program that follows it can be cut there. `compensation` is the version that was learned, None the model's;
+    `inverted` the name of the response that was identified, empty the model's.
+    """
+
+    job: Job
+    machine: MachineProfile
+    cut: CutPlan
+    reference: CutPlan | None
+    warnings: tuple[Problem, ...]
+    stage: Stage = Stage.FULL
+    compensation: int | None = None
+    inverted: str = ""
+
+    @property
+    def expected(self) -> Expected | None:
+        """What is left of the lobe of a part that is cut with a share of its compensation; None else."""
+        whole_um_pp = 2.0 * self.cut.wanted.amplitude_um / self.stage.share
+        return expected(whole_um_pp, self.stage.share) if self.stage is Stage.PARTIAL else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult:
+    """What was done: `before` is the same job cut without compensation, `after` with the strategy.
+
+    What nobody has cut or measured is None. `trace` is that of the part of `after`.
+
+    `collisions` is what the tool has run into in either, each kind once.
+    """
+
+    plan: RunPlan
+    simulated: bool
+    before: RoundnessResult | None
+    after: RoundnessResult | None
+    figures: CutFigures
+    collisions: tuple[str, ...]
+    trace: Trace | None = None
+
+    @property
+    def improvement_percent(self) -> float | None:
+        """How much of the roundness error is gone."""
+        if self.before is None or self.after is None:
+            return None
+        if self.before.ront_um == 0.0:
+            return 0.0
+        return 100.0 * (self.before.ront_um - self.after.ront_um) / self.before.ront_um
+
+    @property
+    def lobe_frequency_hz(self) -> float:
+        """Lobe frequency at the speed that was reached."""
+        return self.plan.job.jaws * self.figures.spindle_speed_rpm / 60.0
+
+    @property
+    def within_tolerance(self) -> bool | None:
+        """Whether the part is as round as the job asks; None of a part that was not meant to be."""
+        if self.after is None or self.plan.stage is not Stage.FULL:
+            return None
+        return self.after.ront_um <= self.plan.job.roundness_tolerance_um
+
+
+def plan_run(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    ts_ms: int | None = None,
+    where: str = "",
+    *,
+    lease: str = "",
+    stage: Stage = Stage.FULL,
+    path: CutPath | None = None,
+    compensation: int | None = None,
+    inverted: str = "",
+    simulated: bool = False,
+) -> RunPlan:
+    """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
+
+    `where` is the file that a refusal of the job names, `lease` the condition without which a program ends. `path`
+    was learned, as version `compensation`, or inverts the response that is named `inverted`; None is the model's.
+    `simulated`: no iron will be cut on, see `of_lobe`.
+
+    Raises:
+        ProblemError: every refusal at once; nothing has been touched.
+    """
+    zero = of_zero(machine, strategy, jaw_found=False)
+    refuse_unless(of_job(job, machine, where), zero, of_lobe(job, machine, strategy, simulated=simulated))
+    path = staged(job, machine, strategy, stage, path)
+    cut = plan_cut(job, machine, strategy, ts_ms, lease=lease, path=path, air_mm=air_mm(job, stage))
+    reference = None if stage is Stage.AIR else _reference(job, machine, cut, lease)
+    refuse_unless(*(of_program(each) for each in (cut, reference) if each is not None))
+    findings = (*check(job, machine), *cut.findings)
+    warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
+    return RunPlan(
+        job=job,
+        machine=machine,
+        cut=cut,
+        reference=reference,
+        warnings=warnings,
+        stage=stage,
+        compensation=compensation,
+        inverted=inverted,
+    )
+
+
+def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> CutPlan | None:
+    if cut.strategy is Strategy.NONE:
+        return cut
+    return None if machine.spindle.followed else plan_cut(job, machine, Strategy.NONE, lease=lease)
+
+
+def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step, str], None]) -> RunResult:
+    """Cut the reference part and the compensated part, each on a machine of its own, and compare them.
+
+    `tell` is told the part ("before", or as `run_once`), the step and a detail.
+
+    Raises:
+        ProblemError: what went wrong; see `cut_part`.
+    """
+    shop = open_shop()
+    if plan.reference is None:
+        return run_once(plan, shop, tell)
+    before = cut_part(shop, plan.job, plan.reference, lambda step, detail: tell("before", step, detail))
+    after = before
+    if plan.cut is not plan.reference:
+        shop.lathe.stop.check()
+        shop = open_shop()
+        after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
+    return RunResult(
+        plan=plan,
+        simulated=shop.simulated,
+        before=_roundness(before),
+        after=_roundness(after),
+        figures=after.figures,
+        collisions=tuple(dict.fromkeys((*before.collisions, *after.collisions))),
+        trace=after.trace,
+    )
+
+
+def run_once(plan: RunPlan, shop: Shop, tell: Callable[[str, Step, str], None]) -> RunResult:
+    """Cut the compensated part alone, on a machine that is there; what was cut in air is not measured.
+
+    `tell` is told the part ("after", "partial" or "air"), the step and a detail.
+
+    Raises:
+        ProblemError: what went wrong; see `cut_part`.
+    """
+    if plan.stage is Stage.AIR:
+        shop = replace(shop, measure=None)
+    after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
+    return RunResult(
+        plan=plan,
+        simulated=shop.simulated,
+        before=None,
+        after=_roundness(after),
+        figures=after.figures,
+        collisions=after.collisions,
+        trace=after.trace,
+    )
+
+
+def _roundness(outcome: CutOutcome) -> RoundnessResult | None:
+    trace = outcome.trace
+    if trace is None:
+        return None
+    return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])

@@ -1,0 +1,1 @@
+"""What the console keeps on the disk: run records, calibrations, learned compensations, stop records."""

@@ -1,0 +1,245 @@
+"""A machine whose chuck has been calibrated: whatever judges a job judges it on this one.
+
+The newest calibrations give what the profile leaves open, and what it lists under `assumed`: nobody has measured
+that. What the profile states without, it states; where a calibration surely contradicts it, that is told. The line
+of the wrench, slope and offset, is one thing and comes from one place, with how sure it is. A calibration of a
+chuck of another name is not used, and that is told.
+
+The file of the profile stays what it is, and with it its hash, which learned compensations and records are for;
+what is signed, owned, stopped and identified does not look at these keys. Nothing heavy is imported for values,
+because the screen opens with them; a contradiction needs the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from console.session.data.calibrations import Calibration, date_problems, files_of, load, newest, record_problem
+from profiles.calibration.deflection import DeflectionFit
+from profiles.calibration.table import CalibrationKind
+from profiles.calibration.wrench import WrenchFit
+from profiles.fields import fault, spelled
+from profiles.files import printable
+from profiles.machine import MachineProfile
+from profiles.machine_fields import SECTIONS
+from profiles.own_values import number, record
+from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedMachine
+
+WRENCH, JAWS = "wrench", "deflection"
+"""The kinds of `profiles.calibration.table.CalibrationKind`, which loads numerics."""
+
+LINE = ("force_per_torque_n_per_n_m", "force_offset_n")
+OF_WRENCH = (*LINE, "force_sd_percent")
+OF_JAWS = ("jaw_stiffness_n_per_um", "jaw_contact_exponent", "jaw_length_mm")
+
+_FOUND = (*OF_WRENCH, *OF_JAWS)
+_FIELDS = {field.key: field for field in SECTIONS["chuck"]}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibratedMachine(LoadedMachine):
+    """A machine with what calibrations know of its chuck; path and hash are those of its profile's file.
+
+    `sources` says where the keys of [chuck] that can be calibrated are from: the date of a calibration, or "" for
+    the profile; a key that nobody gave is not in it. `warnings` are contradictions, or why the calibrations are
+    not used.
+    """
+
+    sources: Mapping[str, str]
+    warnings: tuple[Problem, ...]
+
+    @property
+    def used(self) -> dict[str, str]:
+        """The dates of the calibrations in use, by the keys of [chuck] that are from them."""
+        return {key: date for key, date in self.sources.items() if date}
+
+
+def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
+    """Return a machine with the newest calibrations of its chuck, as they are kept in the data folder.
+
+    Raises:
+        ProfileError: `calibration.record`, a file that is none of ours; `calibration.unusable`, one that says what
+            no profile may; `file.unreadable`, `file.too_large`.
+    """
+    machine = loaded.machine
+    found: dict[str, tuple[float, str]] = {}
+    warnings: list[Problem] = []
+    variance = (0.0, 0.0, 0.0)
+    for kind, may_say in ((WRENCH, OF_WRENCH), (JAWS, OF_JAWS)):
+        of_chuck = newest(data, machine.name, kind, machine.chuck.name)
+        if of_chuck is None:
+            files = files_of(data, machine.name, kind)[:1]
+            warnings += [_other_chuck(load(file, machine.name, kind), machine) for file in files]
+            continue
+        file, kept = of_chuck
+        warnings += date_problems(file, kept)
+        values = _values(kept, may_say, file)
+        found |= {key: (value, kept.date) for key, value in values.items() if _is_open(key, machine)}
+        if LINE[0] in found and kind == WRENCH:
+            variance = _line_variance(kept, file)
+        stated = {key: getattr(machine.chuck, key) for key in values if not _is_open(key, machine)}
+        if stated:
+            from console.session.data.calibrated_chuck import contradictions
+
+            warnings += contradictions(kept, stated, file)
+    return _with(loaded, found, tuple(warnings), variance)
+
+
+def calibrated_or_stated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
+    """Return the same for a screen, which has to open: where the calibrations cannot be read, without them.
+
+    Then `warnings` has `calibration.not_used`, and each reason.
+    """
+    try:
+        return calibrated(loaded, data)
+    except ProfileError as error:
+        return _with(loaded, {}, (Problem(code="calibration.not_used"), *error.problems))
+
+
+def warnings_of(machine: LoadedMachine) -> tuple[Problem, ...]:
+    """Return what is to be told of the calibrations of a machine; nothing of one that was loaded without them."""
+    return machine.warnings if isinstance(machine, CalibratedMachine) else ()
+
+
+def calibrations_of(machine: LoadedMachine) -> dict[str, str]:
+    """Return `used` of a machine; nothing of one that was loaded without its calibrations."""
+    return machine.used if isinstance(machine, CalibratedMachine) else {}
+
+
+def refuse_unusable(values: Mapping[str, Any], where: str) -> None:
+    """Refuse values for keys of [chuck] that no profile may have.
+
+    Raises:
+        ProfileError: `calibration.unusable`, one problem for each.
+    """
+    problems = [
+        Problem(
+            code="calibration.unusable",
+            where=where,
+            key=f"chuck.{key}",
+            value=spelled(value),
+            limit=_FIELDS[key].limit,
+        )
+        for key, value in values.items()
+        if fault(_FIELDS[key], value)
+    ]
+    if problems:
+        raise ProfileError(*problems)
+
+
+def _with(
+    loaded: LoadedMachine,
+    found: Mapping[str, tuple[float, str]],
+    warnings: tuple[Problem, ...],
+    variance: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> CalibratedMachine:
+    """Put values with their dates into the chuck; what was measured is not assumed any more."""
+    machine, chuck = loaded.machine, loaded.machine.chuck
+    given = {key: "" for key in _FOUND if getattr(chuck, key) is not None}
+    dates = given | {key: date for key, (_, date) in found.items()}
+    measured: dict[str, Any] = {key: value for key, (value, _) in found.items()}
+    left = tuple(name for name in machine.assumed if name.removeprefix("chuck.") not in measured)
+    return CalibratedMachine(
+        machine=replace(machine, chuck=replace(chuck, **measured, force_line_variance=variance), assumed=left),
+        path=loaded.path,
+        sha256=loaded.sha256,
+        sources={key: dates[key] for key in _FOUND if key in dates},
+        warnings=warnings,
+    )
+
+
+def _is_open(key: str, machine: MachineProfile) -> bool:
+    """Whether a profile leaves a key to a calibration: not given, or given as assumed."""
+    together = LINE if key in LINE else (key,)
+    return all(getattr(machine.chuck, each) is None or f"chuck.{each}" in machine.assumed for each in together)
+
+
+def _values(kept: Calibration, may_say: tuple[str, ...], file: Path) -> dict[str, float]:
+    """Return what a calibration found, by keys of [chuck]; a line through the origin has the offset 0."""
+    said = kept.found.get("profile")
+    if not isinstance(said, dict) or not said or not said.keys() <= set(may_say):
+        raise record_problem(file, f"profile {said!r}")
+    refuse_unusable(said, printable(str(file)))
+    return ({LINE[1]: 0.0} if LINE[0] in said else {}) | said
+
+
+def _line_variance(kept: Calibration, file: Path) -> tuple[float, float, float]:
+    """Return the covariance of offset and slope of a kept line: s^2 (X' X)^-1.
+
+    Raises:
+        ProfileError: `calibration.record`, the file has none.
+    """
+    try:
+        u00, u01, u11 = (number(each) for each in kept.found["covariance"])
+        square = number(kept.found["sd_n"]) ** 2
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise record_problem(file, str(error)) from error
+    variance = (square * u00, square * u01, square * u11)
+    if not (all(math.isfinite(each) for each in variance) and variance[0] >= 0 and variance[2] >= 0):
+        raise record_problem(file, f"covariance {kept.found['covariance']!r}")
+    return variance
+
+
+def _other_chuck(kept: Calibration, machine: MachineProfile) -> Problem:
+    value, limit = f'"{printable(kept.chuck or "", 60)}"', f'"{machine.chuck.name}"'
+    return Problem(code="calibration.other_chuck", where=kept.date, key="chuck.name", value=value, limit=limit)
+
+
+Fit = TypeVar("Fit", WrenchFit, DeflectionFit)
+
+SLOPE, OFFSET = "force_per_torque_n_per_n_m", "force_offset_n"
+
+
+def contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:
+    """Return `calibration.differs` for what a profile states, by keys of [chuck], and a calibration contradicts.
+
+    Raises:
+        ProfileError: `calibration.record`, the file has no fit of its kind.
+    """
+    try:
+        if kept.kind == CalibrationKind.DEFLECTION:
+            return list(_jaws_differ(_fit(kept, DeflectionFit), stated, kept.date))
+        return list(_line_differs(_fit(kept, WrenchFit), stated, kept.date))
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+        raise record_problem(file, str(error)) from error
+
+
+def _fit(kept: Calibration, kind: type[Fit]) -> Fit:
+    """Return the fit that was kept, by the names of its numbers."""
+    return record(kind, {f.name: kept.found[f.name] for f in fields(kind) if f.name in kept.found})
+
+
+def _line_differs(line: WrenchFit, stated: Mapping[str, float | None], date: str) -> Iterator[Problem]:
+    """Compare two lines by the forces at both ends of what was measured."""
+    slope = stated.get(SLOPE)
+    if slope is None:
+        return
+    for torque_n_m in (line.highest_n_m, line.lowest_n_m):
+        band = line.line_n(torque_n_m)
+        said_n = (stated.get(OFFSET) or 0.0) + slope * torque_n_m
+        if not band.low <= said_n <= band.high:
+            limit = f"{band.value:.4g} ± {band.high - band.value:.2g} N"
+            yield _differs(f"{SLOPE} ({torque_n_m:g} N m)", f"{said_n:.4g} N", limit, date)
+            return
+
+
+def _jaws_differ(fit: DeflectionFit, stated: Mapping[str, float | None], date: str) -> Iterator[Problem]:
+    """Compare each key that is stated with its half-width."""
+    found = {
+        "jaw_stiffness_n_per_um": (fit.stiffness_n_per_um, fit.stiffness_ci),
+        "jaw_contact_exponent": (fit.alpha, fit.alpha_ci),
+        "jaw_length_mm": (fit.jaw_length_mm, fit.jaw_length_ci),
+    }
+    for key, said in stated.items():
+        value, half = found[key]
+        if said is not None and abs(said - value) > half:
+            yield _differs(key, f"{said:.4g}", f"{value:.4g} ± {half:.2g}", date)
+
+
+def _differs(key: str, value: str, limit: str, date: str) -> Problem:
+    return Problem(code="calibration.differs", where=date, key=f"chuck.{key}", value=value, limit=limit)

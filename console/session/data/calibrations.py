@@ -1,0 +1,163 @@
+"""Calibrations on the disk: one file each, never overwritten, found again by what they are of.
+
+They are numbered in the order in which they were kept, as versions are: a date is no order, because a clock may be
+wrong. Older files have a date in the place of the number, and come before all that have one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from console.session.data.dates import is_ahead, utc_now
+from console.session.data.kept_files import folder_name, jobs_folder, keep, kept, make_folder
+from profiles.files import printable
+from profiles.job import Job, copy_of
+from profiles.own_values import record
+from profiles.problem import Problem, ProfileError
+from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
+
+FOLDER = "calibrations"
+SCHEMA = 1
+
+_NUMBER = re.compile(r"-(\d{6})\.json")
+_TRIES = 50
+"""So many others may keep one of the same kind in the same instant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What was found, of what and from what: `subject` is the machine or the job with the hash of its file.
+
+    `kind` is "wrench", "deflection" or "lobe", `date` UTC after ISO 8601, `file` what was measured with its hash,
+    `found` the numbers of the fit by their names. `chuck` is the name of the one that it is of, None where that
+    was not kept.
+    """
+
+    kind: str
+    subject: str
+    subject_sha256: str
+    date: str
+    file: str
+    file_sha256: str
+    found: Mapping[str, Any]
+    chuck: str | None = None
+    schema: int = SCHEMA
+
+    def is_of(self, chuck: str) -> bool:
+        """Whether it may be used for a chuck of this name."""
+        return self.chuck is None or self.chuck == chuck
+
+
+def store(data: Path, calibration: Calibration) -> Path:
+    """Keep a calibration in the data folder, and return its file.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`.
+    """
+    kind, folder = calibration.kind, _folder(data, calibration.subject)
+    number = max((_number(file) for file in files_of(data, calibration.subject, kind)), default=0)
+    for tried in range(1, _TRIES + 1):
+        path = folder / f"{kind}-{number + tried:06d}.json"
+        try:
+            keep(path, asdict(calibration))
+        except ProfileError as error:
+            if error.problems[0].code != "file.exists" or tried == _TRIES:
+                raise
+        else:
+            break
+    return path
+
+
+def files_of(data: Path, subject: str, kind: str) -> list[Path]:
+    """Return the files of the calibrations of a kind, the last that was kept first.
+
+    Raises:
+        ProfileError: `file.unreadable`, the folder.
+    """
+    folder = _folder(data, subject)
+    try:
+        files = [file for file in folder.iterdir() if file.match(f"{kind}-*.json")]
+    except (FileNotFoundError, NotADirectoryError):  # it is made with the first calibration that is kept
+        return []
+    except OSError as error:
+        where, value = printable(str(folder)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.unreadable", where=where, value=value)) from error
+    return sorted(files, key=lambda file: (_number(file), file.name), reverse=True)
+
+
+def _number(file: Path) -> int:
+    """Return the number of a file, 0 of one that was named by its date."""
+    found = _NUMBER.search(file.name)
+    return 0 if found is None else int(found[1])
+
+
+def newest(data: Path, subject: str, kind: str, chuck: str) -> tuple[Path, Calibration] | None:
+    """Return the calibration of a kind that was kept last for a chuck, None where there is none.
+
+    Raises:
+        ProfileError: as `files_of` and `load`.
+    """
+    kept = ((file, load(file, subject, kind)) for file in files_of(data, subject, kind))
+    return next((each for each in kept if each[1].is_of(chuck)), None)
+
+
+def date_problems(file: Path, calibration: Calibration) -> tuple[Problem, ...]:
+    """Return `calibration.date_ahead` of one that is dated in the future."""
+    now = utc_now()
+    if not is_ahead(calibration.date, now):
+        return ()
+    where, value = printable(str(file)), printable(calibration.date, 60)
+    return (Problem(code="calibration.date_ahead", where=where, key=calibration.kind, value=value, limit=now),)
+
+
+def record_problem(file: Path, why: str) -> ProfileError:
+    """Return the refusal of a file that is no calibration of ours."""
+    problem = Problem(code="calibration.record", where=printable(str(file)), value=printable(why))
+    return ProfileError(problem)
+
+
+def keep_job(data: Path, loaded: LoadedJob, job: Job) -> LoadedJob:
+    """Write a job over its own file, or among the operator's where it came with the console; return it loaded.
+
+    Raises:
+        ProfileError: `file.not_writable`, and the problems of the job.
+    """
+    if loaded.path.parent != BUNDLED_JOBS:
+        save_job(job, loaded.path, overwrite=True)
+        return load_job(str(loaded.path))
+    folder = jobs_folder(data)
+    make_folder(folder)
+    name, number = loaded.path.stem, 2
+    while (folder / f"{name}-{number}.toml").exists():
+        number += 1
+    path = folder / f"{name}-{number}.toml"
+    save_job(copy_of(job, path.stem, loaded.job.name), path, private=True)
+    return load_job(str(path))
+
+
+def load(file: Path, subject: str, kind: str) -> Calibration:
+    """Return the calibration in a file.
+
+    Raises:
+        ProfileError: `file.unreadable`, `file.too_large`; `calibration.record`, a file that is none of ours, or
+            not of this subject and kind.
+    """
+    table = kept(file, "calibration.record")
+    try:
+        if table["schema"] != SCHEMA or not isinstance(table["found"], dict):
+            raise ValueError(f"schema {table['schema']!r}")
+        if (table["subject"], table["kind"]) != (subject, kind):
+            raise ValueError(f"{table['subject']}, {table['kind']}")
+        plain = {key: value for key, value in table.items() if key != "found"}
+        # The numbers of a fit are read where they are used, by the names that the fit gives them.
+        return replace(record(Calibration, {**plain, "found": {}}), found=table["found"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise record_problem(file, str(error)) from error
+
+
+def _folder(data: Path, subject: str) -> Path:
+    return data / FOLDER / folder_name(subject)

@@ -1,0 +1,52 @@
+"""Identified responses on the disk: one file each, named by machine, path and date."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from console.session.data.kept_files import folder_name, keep, kept, stamp
+from console.session.errors import SessionError
+from drivers.cutting.plan import Strategy
+from drivers.identification.fit import unfit_problems
+from drivers.identification.result import IdentifiedResponse, as_response, as_table, from_table
+from profiles.axis.response import ServoResponse
+from profiles.files import printable
+from profiles.machine import MachineProfile
+
+FOLDER = "identified"
+
+
+def store(data: Path, identified: IdentifiedResponse) -> Path:
+    """Keep a response in the data folder, and return its file; nothing is ever overwritten.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`.
+    """
+    folder = data / FOLDER / folder_name(identified.origin.machine)
+    path = folder / f"{identified.path}-{stamp(identified.date)}.json"
+    keep(path, as_table(identified))
+    return path
+
+
+def load(file: Path) -> IdentifiedResponse:
+    """Read one file.
+
+    Raises:
+        ProfileError: `file.unreadable`, `file.too_large`, `identify.file`.
+    """
+    return from_table(kept(file, "identify.file"), printable(str(file)))
+
+
+def response_in(
+    file: Path, machine: MachineProfile, path: Strategy, *, simulated: bool | None = None
+) -> ServoResponse:
+    """Return what a cut on this path inverts. `simulated` says where it will be, None where nothing will be cut.
+
+    Raises:
+        ProfileError: `file.unreadable`, `file.too_large`, `identify.file`, `response.bad_points`.
+        SessionError: `response.of_another`, everything by which it does not hold here.
+    """
+    identified = load(file)
+    if problems := unfit_problems(identified, machine, path, simulated=simulated, where=printable(str(file))):
+        raise SessionError(*problems)
+    return as_response(identified, printable(file.name))

@@ -1,0 +1,155 @@
+"""Which cut a part is from: what is said of it, what its trace says, what the run record says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from console.session.data.dates import is_ahead, utc_now
+from console.session.data.learned_store import NONE
+from console.session.errors import SessionError
+from console.session.stages import Stage
+from profiles.compensations.learned import HoldsFor
+from profiles.files import printable
+from profiles.own_values import from_json, number, text, whole
+from profiles.problem import Problem
+
+LOCK_TIMEOUT_S = 1.0
+
+_QUERY = """
+SELECT events.kind, events.data, events.at_utc FROM events JOIN runs USING (run_id)
+WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
+ORDER BY events.rowid DESC
+"""
+"""By row, which is the order in which they were added: a clock may have been set back meanwhile."""
+
+
+Cut = tuple[str, str, str]
+"""Kind, data and date of a cut, as the run record has them."""
+
+INVERTED, MODEL = "inverted", "model"
+
+CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeWith:
+    """How a part was cut: the version of the compensation ("none": nothing learned), the strategy, the stage.
+
+    `inverted` names the response that was inverted where nothing was learned. `cut_jaw_1_deg` is the spindle angle
+    at which jaw 1 was found for it, "file" where it is that of the job's file: what was learned was turned by the
+    difference.
+    """
+
+    compensation: str
+    strategy: str
+    stage: str
+    inverted: str
+    cut_jaw_1_deg: str = AS_FILED
+
+    def __str__(self) -> str:
+        return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}"
+
+    @property
+    def version(self) -> str | None:
+        """The version that was learned, None where it is the model's."""
+        return None if self.compensation == NONE else self.compensation
+
+    def event(self) -> dict[str, object]:
+        """Return it as the run record keeps it."""
+        jaw_1_deg = None if self.cut_jaw_1_deg == AS_FILED else float(self.cut_jaw_1_deg)
+        version = None if self.version is None else int(self.version)
+        return {**asdict(self), "compensation": version, CUT_JAW: jaw_1_deg}
+
+
+KEYS = ("compensation", "strategy", "stage")
+"""What has to be known of a cut."""
+
+_ALL_KEYS = (*KEYS, INVERTED, CUT_JAW)
+"""The others are the model's response and jaw 1 as it is filed, unless something says otherwise."""
+
+
+def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
+    """Return how a part was cut, of which `said` and the header lines of its `trace` state something.
+
+    What neither states is that of the last part in `made`, newest first; None is one of which the record says
+    nothing but that it was cut.
+
+    Raises:
+        SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
+            `learned.cut_unknown`, nobody says it.
+    """
+    stated = {key: trace[key] for key in _ALL_KEYS if key in trace}
+    for key in _ALL_KEYS:
+        if key in said and stated.setdefault(key, said[key]) != said[key]:
+            raise _other(key, said[key], stated[key])
+    known = [each for each in made if each is not None]
+    fitting = [each for each in known if stated.items() <= asdict(each).items()]
+    missing = [key for key in KEYS if key not in stated]
+    if not missing and not fitting:
+        whole = MadeWith(**{INVERTED: MODEL, **stated})
+        if known and None not in made:
+            raise _other("", str(whole), " | ".join(dict.fromkeys(map(str, known))))
+        return whole
+    if (made and made[0] is None and "compensation" in missing) or not fitting:
+        raise SessionError(Problem(code="learned.cut_unknown", key=", ".join(f"--{key}" for key in missing)))
+    return fitting[0]
+
+
+def _other(key: str, value: str, limit: str) -> SessionError:
+    return SessionError(Problem(code="learned.other_version", key=key, value=value, limit=limit))
+
+
+def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
+    """Return how the parts of these cuts were made, None where the record does not say."""
+    return [made for kind, data, _ in cuts for made in _made(kind, data)]
+
+
+def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
+    """Return `record.date_ahead` where a cut of a job is dated in the future: the first of them."""
+    now = utc_now()
+    found = next((at_utc for _, _, at_utc in cuts if is_ahead(at_utc, now)), None)
+    if found is None:
+        return ()
+    return (Problem(code="record.date_ahead", key=job, value=printable(found, 60), limit=now),)
+
+
+def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
+    """Return the cuts of this job on this machine, the last one first.
+
+    Raises:
+        SessionError: `record.unreadable`, `record.other_schema`.
+    """
+    import sqlite3
+
+    from console.session.data.record_file import FILE_NAME, record_error, rows
+
+    try:
+        return rows(folder, _QUERY, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
+    except sqlite3.Error as error:
+        raise record_error("record.unreadable", folder / FILE_NAME, error) from error
+
+
+def _made(kind: str, data: str) -> list[MadeWith | None]:
+    """Return the part of an event; nothing for a cut in air, or parts in a row, which learn by themselves."""
+    try:
+        event = from_json(data)
+        strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
+        version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
+        compensation = NONE if version is None else str(whole(version))
+        cut_jaw_1_deg = AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg))
+    except (ValueError, TypeError, KeyError):
+        # Written by another version of the console; of a cut on the screen it did not say how it was made.
+        return [None] if kind == "cut" else []
+    if stage == Stage.AIR or "passes" in event:
+        return []
+    return [
+        MadeWith(
+            compensation=compensation,
+            strategy=strategy,
+            stage=stage,
+            inverted=inverted,
+            cut_jaw_1_deg=cut_jaw_1_deg,
+        )
+    ]

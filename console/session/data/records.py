@@ -1,0 +1,181 @@
+"""The run record: one SQLite file to which lines are only ever added, safe against a kill at any instant."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import time
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from console.session.data.dates import utc_now
+from console.session.data.record_file import FILE_NAME, opened, patiently, record_error
+from console.session.data.running import RunMark
+from console.session.errors import SessionError
+from profiles.own_values import from_json, number, text
+
+OPEN_PATIENCE_S = 30.0
+"""How long other writers are waited for before anything has been started."""
+
+DRIVES_ON_PATIENCE_S = 5.0
+"""The same where the drives may be on meanwhile."""
+
+GONE = "file gone"
+
+
+class RunRecord:
+    """The open record of one run."""
+
+    def __init__(
+        self,
+        folder: Path,
+        run: Mapping[str, object],
+        *,
+        open_patience_s: float = DRIVES_ON_PATIENCE_S,
+        patience_s: float = DRIVES_ON_PATIENCE_S,
+    ) -> None:
+        """Open the file in `folder`, which is made when it is missing, and begin a run.
+
+        `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program. Others who
+        write to the file are waited for as long as `open_patience_s`, at each event as long as `patience_s`.
+
+        Raises:
+            SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`; without a record no machine
+                is started.
+        """
+        self._path = folder / FILE_NAME
+        self.run_id = uuid.uuid4().hex
+        self._count = 0
+        self._patience_s = patience_s
+        until_s = time.monotonic() + open_patience_s
+        self._database = opened(folder, until_s)
+        try:
+            self._mark = RunMark(folder, self.run_id)
+        except OSError as error:
+            self._database.close()
+            raise record_error("record.unwritable", self._path, error) from error
+        try:
+            columns = ", ".join(("run_id", "started_utc", *run))
+            marks = ", ".join("?" * (2 + len(run)))
+            row = (self.run_id, utc_now(), *run.values())
+            self._insert(f"INSERT INTO runs ({columns}) VALUES ({marks})", row, until_s)
+            self._files = self._on_disk()
+            if self._files[0] is None:
+                raise OSError(GONE)
+        except (OSError, sqlite3.Error) as error:
+            self.close()
+            raise record_error("record.unwritable", self._path, error) from error
+
+    def add(self, kind: str, data: Mapping[str, object]) -> None:
+        """Add an event; it is on the disk when this returns.
+
+        Raises:
+            SessionError: `record.lost`; the run is not to go on unrecorded.
+        """
+        self._count += 1
+        row = (self.run_id, self._count, utc_now(), kind, _text(data))
+        try:
+            self._insert("INSERT INTO events VALUES (?, ?, ?, ?, ?)", row, time.monotonic() + self._patience_s)
+        except sqlite3.Error as error:
+            raise record_error("record.lost", self._path, error) from error
+        self.refuse_lost()
+
+    def refuse_lost(self) -> None:
+        """Make sure that what was added is where it can be found again.
+
+        Raises:
+            SessionError: `record.lost`, the file or its folder was taken away, or another is in its place.
+        """
+        # SQLite goes on in a file that has no name any more.
+        if self._on_disk() != self._files:
+            raise record_error("record.lost", self._path, GONE)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._database.close()
+        self._mark.close()
+
+    def _insert(self, line: str, row: tuple[object, ...], until_s: float) -> None:
+        patiently(lambda: self._database.execute(line, row), until_s)
+
+    def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
+        """Return device and inode of the database and of its journal, in which the last lines are."""
+        return tuple(_identity(path) for path in (self._path, self._path.with_name(f"{FILE_NAME}-wal")))
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _text(data: Mapping[str, object]) -> str:
+    shown = json.dumps(data, ensure_ascii=False)
+    # A file name need not be text; escaped, it can be kept.
+    return shown if shown.isprintable() else json.dumps(data)
+
+
+LOCK_TIMEOUT_S = 0.1
+"""How long a writer is waited for; a list of jobs is not worth more."""
+
+# By row, which is the order in which they were added: a clock may have been set back meanwhile.
+_QUERY = """
+SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
+WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastResult:
+    """The last measured part of a job.
+
+    `ront_um` is RONt of the least squares circle, free state, filtered as `console.session.cut.run` says.
+    `strategy` is how it was cut ("none": without compensation), `parts` how many were measured in all.
+    """
+
+    ront_um: float
+    measured_at: datetime
+    strategy: str
+    parts: int
+
+
+LastResults = Mapping[str, LastResult]
+"""By the name of the job, as it stands in its file."""
+
+
+def last_results(folder: Path, *, simulated: bool) -> LastResults:
+    """Return the last results in the record in `folder`, of the simulator's parts or of real ones.
+
+    A record that is missing, locked or not to be read says nothing: the mapping is empty then.
+    """
+    results: dict[str, LastResult] = {}
+    for data, at_utc in _measured(folder, simulated):
+        try:
+            event = from_json(data)
+            job, ront_um = text(event["job"]), number(event["ront_um"])
+            strategy = text(event.get("strategy", ""))
+            measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
+            continue  # written by another version
+        parts = results[job].parts + 1 if job in results else 1
+        results[job] = LastResult(ront_um=ront_um, measured_at=measured_at, strategy=strategy, parts=parts)
+    return results
+
+
+def _measured(folder: Path, simulated: bool) -> list[tuple[str, str]]:
+    """Return the data and the time of every measured part, oldest first."""
+    # The first page is painted before anything is read.
+    import sqlite3
+
+    from console.session.data.record_file import rows
+
+    try:
+        return rows(folder, _QUERY, (int(simulated),), LOCK_TIMEOUT_S)
+    except (SessionError, sqlite3.Error):
+        return []

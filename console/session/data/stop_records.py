@@ -1,0 +1,198 @@
+"""The stop record of a machine: kept in the data folder, and asked for before each arm. No record, no arm.
+
+A simulated machine measures its own at once, on a copy of itself in simulated time; it is never written down, so
+that it is not taken for that of a real machine. What is written down has a checksum: a file that was changed or is
+damaged is no record any more.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from console.session.data.kept_files import make_folder
+from drivers.commissioning.judged import Judged
+from drivers.commissioning.proofs.bench import ProofBench
+from drivers.commissioning.stop_record import StopEntry, StopRecord, stop_key
+from drivers.commissioning.stop_record_check import StopsNow, record_problems
+from drivers.commissioning.verification import read_of_machine
+from drivers.errors import DriverError
+from drivers.lathe.stop import StopPath, way_problems
+from drivers.link.base import StopWay
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.machine import MachineProfile
+from profiles.own_values import from_json, record, text
+from profiles.problem import Problem, ProfileError
+
+FOLDER = "stops"
+SCHEMA = 3
+WITHOUT_CHECKSUM = (1, 2)
+"""Schemas of before: nobody can tell whether such a file is as it was written."""
+
+CHECKSUM = "sha256"
+CAP_BYTES = 1_000_000
+
+_measured: dict[tuple[str, str], StopRecord] = {}
+"""What simulated machines have measured since this program was started, by family and profile."""
+
+
+def record_path(data: Path, machine: MachineProfile) -> Path:
+    """Return where the record of a machine is, whatever it is called."""
+    return data / FOLDER / f"{quote(machine.name, safe='')}.json"
+
+
+def store(data: Path, machine: MachineProfile, record: StopRecord) -> Path:
+    """Write a record in place of the one before; return where it is.
+
+    Raises:
+        ProfileError: `file.not_writable`.
+    """
+    path = record_path(data, machine)
+    values = {"schema": SCHEMA, **asdict(record), "measured_at": record.measured_at.isoformat()}
+    make_folder(path.parent)
+    write_atomically(path, with_checksum(values), overwrite=True, private=True)
+    return path
+
+
+def with_checksum(values: Mapping[str, object]) -> bytes:
+    """Return a file of these values that tells when a single character of it is not as it was written."""
+    text = json.dumps({**values, CHECKSUM: ""}, ensure_ascii=False, indent=1) + "\n"
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return text.replace(f'"{CHECKSUM}": ""', f'"{CHECKSUM}": "{digest}"').encode()
+
+
+def withdraw(data: Path, machine: MachineProfile) -> None:
+    """Take away the record of a machine that was seen to stop otherwise.
+
+    Raises:
+        ProfileError: `file.not_writable`.
+    """
+    path = record_path(data, machine)
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        where, value = printable(str(path)), error.strerror or str(error)
+        raise ProfileError(Problem(code="file.not_writable", where=where, value=value)) from error
+
+
+def load(data: Path, machine: MachineProfile) -> StopRecord | None:
+    """Return the record of a machine, None when there is none.
+
+    Raises:
+        ProfileError: `stops.unreadable`, it is no record; `stops.changed`, not as it was written;
+            `stops.old_schema`, `stops.unknown_schema`; `file.unreadable`, it cannot be opened.
+    """
+    path = record_path(data, machine)
+    if not path.exists():
+        return None
+    content = read_regular_file(path, cap_bytes=CAP_BYTES)
+    try:
+        values = from_json(content)
+        schema, checksum = values.pop("schema"), values.pop(CHECKSUM, "")
+        if refusal := _schema_problem(schema, machine):
+            raise ProfileError(replace(refusal, where=printable(str(path))))
+        if checksum != hashlib.sha256(content.replace(checksum.encode(), b"")).hexdigest():
+            raise ProfileError(Problem(code="stops.changed", where=printable(str(path)), key=machine.name))
+        return _record(values)
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+        where, value = printable(str(path)), printable(str(error))
+        raise ProfileError(Problem(code="stops.unreadable", where=where, key=machine.name, value=value)) from error
+
+
+def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
+    """Measure a simulated machine as it is by its profile, within a second; what fails has no entry."""
+    # The simulator and what the proofs gather load numerics; nobody waits for them who has a machine of iron.
+    from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
+    from drivers.simulator.machine import SimulatedLathe
+
+    sim = SimulatedLathe(machine, dialect=dialect)
+    link = MemoryLink(sim.connect(), sim)
+    client = PmacClient(link, sim)
+    version, kind = client.connect()
+    judged = Judged(configuration=read_of_machine(client, machine, dialect), machine=machine)
+    try:
+        stops = prove_stops(ProofBench(client=client, stop=StopPath(link), clock=sim, judged=judged))
+    except DriverError:
+        stops = MeasuredStops()
+    return StopRecord(
+        machine=machine.name,
+        kind=kind,
+        version=version,
+        key=stop_key(client, machine, dialect),
+        measured_at=now,
+        address=link.address,
+        stop_way=link.stop_way,
+        entries=stops.entries,
+    )
+
+
+def stop_record_problems(
+    client: PmacClient, machine: MachineProfile, dialect: Dialect, data: Path | None, simulated: bool, today: date
+) -> tuple[Problem, ...]:
+    """Return why the machine may not be armed by its stop record. `data` is the data folder, None: there is none.
+
+    Of the card it reads what the record was measured with, eleven short lines.
+
+    Raises:
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    key, link = stop_key(client, machine, dialect), client.link
+    try:
+        record = _simulated(machine, dialect, today) if simulated else data and load(data, machine)
+    except ProfileError as error:
+        return tuple(error.problems)
+    address = None if simulated else link.address
+    now = StopsNow(machine=machine, key=key, today=today, stop_way=link.stop_way, address=address)
+    return (*way_problems(now.stop_way), *record_problems(record or None, now))
+
+
+def _simulated(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
+    of = dialect.name, repr(machine)
+    if of not in _measured:
+        _measured[of] = simulated_record(machine, dialect, now)
+    return _measured[of]
+
+
+def _schema_problem(schema: object, machine: MachineProfile) -> Problem | None:
+    if schema in WITHOUT_CHECKSUM:
+        return Problem(code="stops.old_schema", key=machine.name, value=str(schema), limit=str(SCHEMA))
+    if type(schema) is not int or schema != SCHEMA:
+        value = printable(str(schema), 60)
+        return Problem(code="stops.unknown_schema", key=machine.name, value=value, limit=str(SCHEMA))
+    return None
+
+
+def _record(values: dict[str, Any]) -> StopRecord:
+    """Return the record of a file.
+
+    Raises:
+        ValueError, TypeError, KeyError, AttributeError, OverflowError: it is none.
+    """
+    return StopRecord(
+        measured_at=date.fromisoformat(values.pop("measured_at")),
+        stop_way=StopWay(values.pop("stop_way")),
+        entries=tuple(_entry(each) for each in values.pop("entries")),
+        **{name: text(value) for name, value in values.items()},
+    )
+
+
+def _entry(table: Mapping[str, Any]) -> StopEntry:
+    """Return the entry of a file.
+
+    Raises:
+        ValueError: it names another stop, or a value is no finite number, or below 0.
+        TypeError: a value of another type, one that is missing, or one more.
+    """
+    entry = record(StopEntry, table)
+    if min(value for value in asdict(entry).values() if isinstance(value, float)) < 0.0:
+        raise ValueError(f"{entry.way} {entry.origin} {entry.axis} < 0")
+    return entry

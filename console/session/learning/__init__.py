@@ -1,0 +1,1 @@
+"""What a measured part teaches: the next compensation, judged and kept."""

@@ -1,0 +1,341 @@
+"""Parts in a row that learn: from the tool in air, from the tool in the cut, from the part that was measured.
+
+In air the command is learned until the tool does what is wanted; friction makes the response depend on how large
+the motion is, so it is done with the motion of the cut itself. In the cut a trim takes away what the cutting force
+adds. The measured part then says what else should have been wanted. A wave that grows instead, in air or from part
+to part, goes back to its best and is learned no more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from console.session.cut.interlocks import of_program, refuse_unless
+from console.session.cut.run import FILTER_UPR, RunPlan
+from console.session.cut.sequence import Beside, CutOutcome, Shop, Step, cut_part
+from console.session.cut.telemetry import CutFigures
+from console.session.errors import SessionError
+from console.session.learning.learning_beside import AirWatch, CutLearner
+from console.session.stages import Stage, air_mm
+from drivers.cutting.planning import CutPlan, Strategy, nominal_command, plan_cut
+from drivers.cutting.sampling import Batch
+from drivers.errors import DriverError
+from drivers.identification.nominal import nominal_response
+from profiles.axis.friction import held_back_um
+from profiles.chucking.job_grip import force_sd_n, lobe_um_per_n
+from profiles.compensations.learning import Deviation, HarmonicFit, fit_harmonics, learned_command, learned_part
+from profiles.compensations.learning_watch import Grown, Watch
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
+from profiles.compensations.part_waves import PartWaves, part_waves
+from profiles.compensations.path import CutPath, wanted_path
+from profiles.compensations.uncompensated import uncompensated
+from profiles.job import Job
+from profiles.problem import Problem
+from profiles.roundness import RoundnessResult, evaluate
+from profiles.traces import Trace
+
+AIR_PASSES, MOST_AIR_PASSES = 3, 8
+AIR_ENOUGH_UM_PP = 1.0
+"""So many passes in air, and more while the lobe is off by more: a short swing begins inside of its friction."""
+
+AIR_TURNS = 30
+
+OVERTONES = (2, 3)
+"""Multiples of the lobe that are learned beside it."""
+
+OTHERS = (1, 2)
+"""Waves that are there and not learned: eccentricity and ovality would leak into the others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedPart:
+    """One part: how round it is, what the tool did, and the path and the trim that it was cut with.
+
+    `tool_off` is what the tool was off in the middle of the cut, `air_um` the lobe's error in each pass of air in
+    front of this part, peak to peak. `learned` are the waves in a turn that the part has changed for the next one,
+    `grown` those that are learned no more.
+    """
+
+    roundness: RoundnessResult
+    figures: CutFigures
+    path: CutPath
+    trim_um: complex
+    tool_off: Deviation
+    air_um: tuple[float, ...]
+    part_gain: float
+    learned: tuple[int, ...]
+    grown: tuple[Grown, ...]
+    collisions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnResult:
+    """What was made: `before` without compensation, the parts in their order, `floor` a part without a lobe."""
+
+    plan: RunPlan
+    before: RoundnessResult
+    floor: RoundnessResult
+    parts: tuple[LearnedPart, ...]
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """What was not learned: `learning.grew`, an amplitude each."""
+        return tuple(
+            Problem(
+                code="learning.grew",
+                key=f"{each.waves}/rev",
+                value=f"{each.grown_um:.2f} um",
+                limit=f"{each.best_um:.2f} um",
+            )
+            for each in self.parts[-1].grown
+        )
+
+
+Tell = Callable[[str, Step, str], None]
+
+
+def learn(plan: RunPlan, open_shop: Callable[[], Shop], tell: Tell, parts: int) -> LearnResult:
+    """Cut `parts` parts on one machine, each with what the ones before have taught.
+
+    Raises:
+        ProblemError: `learning.no_gauge`, `learning.strategy`; why a part teaches nothing, as a single one would
+            be refused; what went wrong, see `cut_part`.
+    """
+    refuse_unlearnable(plan, measured=True)
+    learner = _Learner(plan, open_shop(), tell)
+    before, floor = learner.reference(), learner.floor()
+    learner.in_air()
+    made = tuple(learner.part(number) for number in range(1, parts + 1))
+    return LearnResult(plan=plan, before=before, floor=floor, parts=made)
+
+
+def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
+    """Refuse a cut from which nothing can be learned.
+
+    Raises:
+        SessionError: `learning.strategy`, only a table can be learned; `learning.no_gauge`, nobody would measure
+            the parts between two cuts.
+    """
+    if plan.cut.strategy is not Strategy.CAM or plan.reference is None:
+        strategy = plan.cut.strategy.value
+        raise SessionError(Problem(code="learning.strategy", value=strategy, limit=Strategy.CAM.value))
+    if not measured:
+        raise SessionError(Problem(code="learning.no_gauge"))
+
+
+def _measured(trace: Trace | None) -> Trace:
+    if trace is None:
+        raise SessionError(Problem(code="learning.no_gauge"))
+    return trace
+
+
+def evaluated(trace: Trace) -> RoundnessResult:
+    """Return the roundness that parts are compared with."""
+    return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
+
+
+def _named(tell: Tell, part: str, number: int) -> Callable[[Step, str], None]:
+    """Tell of a part with its number, if it has one."""
+    if not number:
+        return lambda step, detail: tell(part, step, detail)
+    return lambda step, detail: tell(part, step, f"{number} · {detail}" if detail else f"{number}")
+
+
+def _of_the_axis(problem: Problem) -> Problem:
+    return replace(problem, code="learning.axis_beyond") if problem.code == "path.beyond" else problem
+
+
+class _Learner:
+    """One machine, and the path as it is known by now."""
+
+    def __init__(self, plan: RunPlan, shop: Shop, tell: Tell) -> None:
+        self._plan, self._shop, self._tell = plan, shop, tell
+        self._job, self._machine = plan.job, plan.machine
+        wanted = wanted_path(plan.job)
+        self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, Strategy.CAM))
+        self._watch = Watch()
+        self._air_um: list[float] = []
+        self._homed = False
+
+    def reference(self) -> RoundnessResult:
+        """Cut a part without compensation; what its gauge cannot tell, it cannot tell of the parts either.
+
+        Raises:
+            SessionError: why nothing can be learned from such a trace.
+        """
+        trace = self._plain(self._job, "before")
+        self._teaching(trace)
+        return evaluated(trace)
+
+    def floor(self) -> RoundnessResult:
+        """Cut a part that is not lobed, without compensation: what is left is the machine's own."""
+        return evaluated(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
+
+    def _teaching(self, trace: Trace) -> PartWaves:
+        """Return the waves of a part, by the rule of every way in: `console learn` and the screen ask the same.
+
+        Raises:
+            SessionError: why nothing may be learned from it.
+        """
+        part = part_waves(trace, self._job, filter_upr=FILTER_UPR)
+        if part.reasons:
+            raise SessionError(*part.reasons)
+        return part
+
+    def _plain(self, job: Job, name: str) -> Trace:
+        plan = plan_cut(
+            job, self._machine, Strategy.NONE, from_turn=self._turn(), lease=self._plan.cut.setup.lease
+        )
+        return _measured(self._cut(self._shop, job, plan, name).trace)
+
+    def _cut(
+        self, shop: Shop, job: Job, plan: CutPlan, name: str, beside: Beside | None = None, number: int = 0
+    ) -> CutOutcome:
+        outcome = cut_part(shop, job, plan, _named(self._tell, name, number), beside, homed=self._homed)
+        self._homed = True
+        return outcome
+
+    def _turn(self) -> int:
+        """Return the whole turn that is nearest to where the spindle stands; it need not be turned back."""
+        if not self._homed:
+            return 0
+        return round(self._shop.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
+
+    def in_air(self) -> None:
+        """Let the tool learn its path clear of the part."""
+        job = self._job
+        # Some turns of the same feed, over the end of the part.
+        short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
+        shop = replace(self._shop, clamp=lambda _: None, measure=None)
+        for number in range(1, MOST_AIR_PASSES + 1):
+            if number > AIR_PASSES and self._right_in_air:
+                break
+            plan = self._planned_in_air(short)
+            watch = AirWatch(shop.lathe, job.jaws)
+            self._cut(shop, short, plan, "air", watch, number)
+            off = self._off(watch.last())
+            self._air_um.append(2.0 * abs(off.coefficients_um[job.jaws]))
+            self._learn_in_air(off)
+        self._watch = self._watch.afresh()
+
+    @property
+    def _right_in_air(self) -> bool:
+        """Whether another pass in air would teach nothing that matters."""
+        return not self._learns_lobe or self._air_um[-1] <= AIR_ENOUGH_UM_PP
+
+    @property
+    def _learns_lobe(self) -> bool:
+        return self._job.jaws not in self._watch.frozen
+
+    def _learn_in_air(self, off: HarmonicFit) -> None:
+        left = self._learnable(off.coefficients_um)
+        # What friction makes of an overtone comes with the swing of the lobe, which is being learned.
+        allowed = {n: 0.0 if n == self._job.jaws else held_back_um(self._machine, self._job, n) for n in left}
+        self._watch = self._watch.judged(self._path, left, lambda _: off.amplitude_sd_um, allowed.__getitem__)
+        self._path = learned_command(self._watch.kept(self._path), self._watch.learned(left), self._response)
+
+    def part(self, number: int) -> LearnedPart:
+        """Cut a part, learn within it, and from its trace for the next one."""
+        plan = self._planned(self._job, trimmed=True)
+        watch = CutLearner(self._shop.lathe, self._job, self._off, trims=self._learns_lobe)
+        outcome = self._cut(self._shop, self._job, plan, "part", watch, number)
+        watch.refuse_failed()
+        trace = _measured(outcome.trace)
+        off, trim_um = watch.in_the_middle()
+        gain = FIRST_GAIN if number == 1 else LATER_GAIN
+        cut_with = self._path
+        learned = self._learn_from(trim_um, trace, off, gain)
+        return LearnedPart(
+            roundness=evaluated(trace),
+            figures=outcome.figures,
+            path=cut_with,
+            trim_um=trim_um,
+            tool_off=off,
+            air_um=tuple(self._air_um) if number == 1 else (),
+            part_gain=gain,
+            learned=learned,
+            grown=self._watch.grown,
+            collisions=outcome.collisions,
+        )
+
+    def _learn_from(self, trim_um: complex, trace: Trace, off: Deviation, gain: float) -> tuple[int, ...]:
+        """Put the trim into the table, and what the part has shown; return the waves that were learned."""
+        job = self._job
+        found = self._teaching(trace)
+        self._refuse_worse(found, off)
+        by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
+        folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
+        path = CutPath(wanted=self._path.wanted, command=folded)
+        # Another clamping has another lobe, whatever the tool does.
+        scatter_um = {job.jaws: 0.5 * lobe_um_per_n(job, self._machine) * force_sd_n(job, self._machine)}
+        self._watch = self._watch.judged(
+            path,
+            self._learnable(found.coefficients_um),
+            lambda n: math.hypot(found.sd_um[n], scatter_um.get(n, 0.0)),
+        )
+        high = self._watch.learned(self._learnable(found.significant_um()))
+        missed = self._watch.learned(self._learnable(off.coefficients_um))
+        part = Deviation(mean_um=found.mean_um, coefficients_um=high)
+        tool = Deviation(mean_um=off.mean_um, coefficients_um=missed)
+        self._path = learned_part(self._watch.kept(path), part, tool, self._response, gain)
+        return tuple(sorted({*high, *missed}))
+
+    def _refuse_worse(self, part: PartWaves, off: Deviation) -> None:
+        """Refuse to learn from a part that its compensation has made worse, by the rule of a single part.
+
+        Raises:
+            SessionError: `learned.worse`.
+        """
+        lobes = self._job.jaws
+        # What the tool has done was seen here.
+        done_um = self._path.wanted.waves[0].coefficient - off.coefficients_um.get(lobes, 0j)
+        plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
+        if plain.reasons():
+            raise SessionError(*plain.reasons())
+
+    def _planned_in_air(self, job: Job) -> CutPlan:
+        """Plan a pass in air; what is beyond all bounds there is the axis, for nothing else was measured yet.
+
+        Raises:
+            SessionError: `learning.axis_beyond`.
+            ProblemError: as `plan_cut`.
+        """
+        try:
+            return self._planned(job, air_mm=air_mm(job, Stage.AIR))
+        except DriverError as error:
+            raise SessionError(*map(_of_the_axis, error.problems)) from error
+
+    def _planned(self, job: Job, *, air_mm: float = 0.0, trimmed: bool = False) -> CutPlan:
+        plan = plan_cut(
+            job,
+            self._machine,
+            Strategy.CAM,
+            from_turn=self._turn(),
+            lease=self._plan.cut.setup.lease,
+            path=self._path,
+            air_mm=air_mm,
+            trimmed=trimmed,
+        )
+        refuse_unless(of_program(plan))
+        return plan
+
+    def _off(self, batch: Batch) -> HarmonicFit:
+        """Return what the tool was off in a batch, positive where it was not in far enough."""
+        wanted_um = self._path.wanted.at_um(batch.angle_deg, batch.past_middle_mm)
+        return fit_harmonics(batch.angle_deg, wanted_um - batch.infeed_um, self._orders)
+
+    @property
+    def _orders(self) -> tuple[int, ...]:
+        lobes = self._job.jaws
+        waves = {*OTHERS, lobes, *(lobes * overtone for overtone in OVERTONES)}
+        return tuple(sorted(waves))
+
+    def _learnable(self, coefficients_um: Mapping[int, complex]) -> dict[int, complex]:
+        """Return the coefficients of the lobe and its overtones."""
+        return {n: c for n, c in coefficients_um.items() if n % self._job.jaws == 0}
+
+    def _response(self, waves: int) -> complex:
+        frequency_hz = waves * self._job.spindle_speed_rpm / 60.0
+        return nominal_response(Strategy.CAM, self._machine, frequency_hz)

@@ -1,0 +1,113 @@
+"""What goes on beside a cut that learns: batches of the tool are gathered, and a trim is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from console.session.errors import SessionError
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.sampling import Batch, BatchGather
+from drivers.errors import DriverError
+from drivers.identification.nominal import nominal_response
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import Snapshot
+from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
+from profiles.compensations.learning import Deviation, HarmonicFit, trimmed
+from profiles.job import Job
+from profiles.problem import Problem, ProfileError
+
+AIR_BATCH_S = 1.0
+CUT_BATCH_S = 0.25
+
+TRIM_GAIN = 0.7
+
+HELD_FOR = ("learning.trim_limit", "learning.few_samples", "gather.failed")
+"""What ends a cut as a hold does: the machine is well, and only what is learned of it is not."""
+
+
+class AirWatch:
+    """Gathers one long batch in air."""
+
+    def __init__(self, lathe: Lathe, lobes: int) -> None:
+        self._gather: BatchGather = lathe.batches()
+        self._lobes = lobes
+        self._batches: list[Batch] = []
+
+    def begin(self, plan: CutPlan) -> None:
+        """Set the card up."""
+        self._gather.prepare(plan, self._lobes, AIR_BATCH_S, self._batches.append)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Let the gathering go on."""
+        self._gather.see(snapshot)
+
+    def last(self) -> Batch:
+        """Return what was gathered.
+
+        Raises:
+            SessionError: `learning.nothing_gathered`.
+        """
+        self._gather.finish()
+        if not self._batches:
+            raise SessionError(Problem(code="learning.nothing_gathered"))
+        return self._batches[-1]
+
+
+class CutLearner:
+    """Trims a cut by what the tool is off in it, a batch at a time; one that does not `trims` only looks on."""
+
+    def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True) -> None:
+        self._lathe, self._job, self._off, self._trims = lathe, job, off, trims
+        self._gather = lathe.batches()
+        self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
+        self._found: list[tuple[float, HarmonicFit, complex]] = []
+        self._over = False
+        self._failed: DriverError | ProfileError | None = None
+        self.trim_um = 0j
+
+    def begin(self, plan: CutPlan) -> None:
+        """Set the card up."""
+        self._gather.prepare(plan, self._job.jaws, CUT_BATCH_S, self._take)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Let the gathering go on. What goes wrong with it ends the cut at the end of its turn, tool out first."""
+        if self._failed is not None:
+            return
+        try:
+            self._gather.see(snapshot)
+        except (DriverError, ProfileError) as error:
+            if error.problems[0].code not in HELD_FOR:
+                raise
+            self._failed = error
+            self._lathe.hold()
+
+    def refuse_failed(self) -> None:
+        """Say what has ended the cut.
+
+        Raises:
+            ProblemError: `learning.trim_limit`, `learning.few_samples`, `gather.failed`.
+        """
+        if self._failed is not None:
+            raise self._failed
+
+    def _take(self, batch: Batch) -> None:
+        found = self._off(batch)
+        self._found.append((batch.past_middle_mm, found, self.trim_um))
+        if self._over or not self._trims:
+            return
+        error_um = found.coefficients_um[self._job.jaws]
+        self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
+        self._lathe.trim(self.trim_um)
+
+    def in_the_middle(self) -> tuple[Deviation, complex]:
+        """Return what the tool was off where the part is measured, and the trim that was in effect there.
+
+        Raises:
+            SessionError: `learning.nothing_gathered`.
+        """
+        self._over = True
+        self._gather.finish()  # what a slow line has not brought during the cut
+        if not self._found:
+            raise SessionError(Problem(code="learning.nothing_gathered"))
+        _, nearest, trim_um = min(self._found, key=lambda each: abs(each[0]))
+        return Deviation(mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um), trim_um

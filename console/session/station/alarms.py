@@ -1,0 +1,159 @@
+"""Alarms as values: raised, seen, acknowledged, ended. The first one stays in front of its own flood.
+
+An alarm tells of a condition or of an event. A condition is watched: it stands as long as it is so, over a stop
+and the way back from it (F2), and once acknowledged it stays acknowledged. An event is over with that way back, or
+with the cut that it was of. What is over leaves once it has been seen; what has not been seen stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+from drivers.simulator.plant.collision import CollisionKind
+from profiles.problem import Problem
+
+_CODES = {
+    CollisionKind.STANDING_PART: "simulator.met_standing_part",
+    CollisionKind.END_FACE: "simulator.met_end_face",
+    CollisionKind.TOO_DEEP: "simulator.met_too_deep",
+    CollisionKind.THROUGH_WALL: "simulator.met_through_wall",
+    CollisionKind.JAWS: "simulator.met_jaws",
+    CollisionKind.INFEED: "simulator.met_infeed",
+    CollisionKind.REVERSE: "simulator.met_reverse",
+    CollisionKind.END_OF_TRAVEL: "simulator.met_end_of_travel",
+}
+
+COLLISION_CODES = tuple(_CODES.values())
+
+
+def collision_problems(kinds: Iterable[str]) -> tuple[Problem, ...]:
+    """Return a problem for each kind of collision that was seen at the chuck."""
+    return tuple(Problem(code=_CODES[CollisionKind(kind)]) for kind in kinds)
+
+
+FAULT = "machine.fault"
+"""Faults that the controller reports of axes; `value` names them, with commas between."""
+
+AT_REST = "rest"
+"""The `key` of faults that have stopped nothing, because nothing was under control."""
+
+HOME_LOST = ("controller.was_reset", "controller.home_lost")
+"""Positions that are lost: it is so until every axis has found its zero again."""
+
+CONDITIONS = frozenset(
+    {
+        FAULT,
+        "safety.not_good",
+        "stops.connection_lost",
+        "owner.held",
+        "owner.beside",
+        "owner.ousted",
+        "heartbeat.lost",
+        *HOME_LOST,
+        *COLLISION_CODES,
+    }
+)
+"""What is watched: whoever raises one of these ends it when it is no longer so."""
+
+OF_A_CUT = ("cut.out_of_phase", "cut.spindle_stands")
+"""What is over with the cut that it was of."""
+
+
+class Priority(IntEnum):
+    """How soon somebody must act; the lowest number first."""
+
+    HIGH = 0
+    MEDIUM = 1
+    LOW = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alarm:
+    """One condition or event that wants a response.
+
+    `at_s` is machine time of its first raise, `count` its raises. `active` is False once it is over.
+    """
+
+    problem: Problem
+    priority: Priority
+    at_s: float
+    count: int = 1
+    acknowledged: bool = False
+    active: bool = True
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """The faults of axes that it tells of."""
+        named = self.problem.value if self.problem.code == FAULT else ""
+        return tuple(named.split(", ")) if named else ()
+
+
+Alarms = tuple[Alarm, ...]
+
+
+def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) -> Alarms:
+    """Return the alarms with one more, or with the one of the same code counted again and wanting attention."""
+    for place, alarm in enumerate(alarms):
+        if alarm.problem.code == problem.code and alarm.problem.key == problem.key:
+            again = replace(alarm, problem=problem, count=alarm.count + 1, acknowledged=False, active=True)
+            return (*alarms[:place], again, *alarms[place + 1 :])
+    return (*alarms, Alarm(problem=problem, priority=priority, at_s=at_s))
+
+
+def acknowledged(alarms: Alarms) -> Alarms:
+    """Return the alarms as seen by the operator; those whose cause is gone leave. Nothing is reset by it."""
+    return tuple(replace(alarm, acknowledged=True) for alarm in alarms if alarm.active)
+
+
+def seen(alarms: Alarms, shown: tuple[Problem, ...] = ()) -> Alarms:
+    """Return the alarms with those acknowledged that were `shown`, else the foremost; the others wait."""
+    front = foremost(alarms)
+    which = shown or (() if front is None else (front.problem,))
+    return tuple(
+        after for alarm in alarms for after in (acknowledged((alarm,)) if alarm.problem in which else (alarm,))
+    )
+
+
+def cleared(alarms: Alarms, *codes: str) -> Alarms:
+    """Return the alarms after the cause of these codes is gone: what was seen leaves, what was not stays."""
+    return _ended(alarms, lambda alarm: alarm.problem.code in codes)
+
+
+def recovered(alarms: Alarms) -> Alarms:
+    """Return the alarms after the operator has gone on after a stop: events are over, conditions stand."""
+    return _ended(alarms, lambda alarm: alarm.problem.code not in CONDITIONS)
+
+
+def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float) -> Alarms:
+    """Return the alarms with the faults that the controller reports now.
+
+    Each is told by one alarm: by that of the motion that it has stopped, else by one of its own for all that were
+    met at rest. One that comes is an alarm anew; with the last of its faults an alarm is over.
+    """
+    now = tuple(faults)
+    known = {fault for alarm in alarms if alarm.active for fault in alarm.faults}
+    fresh = tuple(fault for fault in now if fault not in known)
+    after = _ended(alarms, lambda alarm: bool(alarm.faults) and not set(alarm.faults) & set(now))
+    if not fresh:
+        return after
+    before = (f for alarm in after if alarm.active and alarm.problem.key == AT_REST for f in alarm.faults)
+    standing = (*(fault for fault in before if fault in now), *fresh)
+    problem = Problem(code=FAULT, key=AT_REST, value=", ".join(standing))
+    return raised(after, problem, Priority.HIGH, at_s)
+
+
+def foremost(alarms: Alarms) -> Alarm | None:
+    """Return the one to show: not yet seen before seen, by priority, the first that came."""
+    return min(alarms, key=lambda a: (a.acknowledged, a.priority, a.at_s), default=None)
+
+
+def unseen(alarms: Alarms) -> Alarms:
+    """Return those that nobody has acknowledged: each comes to the row in its turn."""
+    return tuple(alarm for alarm in alarms if not alarm.acknowledged)
+
+
+def _ended(alarms: Alarms, over: Callable[[Alarm], bool]) -> Alarms:
+    after = (replace(alarm, active=False) if over(alarm) else alarm for alarm in alarms)
+    return tuple(alarm for alarm in after if alarm.active or not alarm.acknowledged)

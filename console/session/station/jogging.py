@@ -1,0 +1,224 @@
+"""Steps of a jog: how long they are, how far an axis runs on after a stop, and how near to the work they may go.
+
+Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees of the spindle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from console.session.cut.alignment import Alignment, aligned_machine
+from console.session.station.state import Activity, StationState
+from drivers.lathe.motion import LINK_LATENCY_MS
+from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+
+def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
+    """Return the counts of a millimetre, or of a degree of the spindle."""
+    match axis:
+        case AxisName.TOOL:
+            return machine.tool.counts_per_mm
+        case AxisName.CARRIAGE:
+            return machine.carriage.counts_per_mm
+        case AxisName.SPINDLE:
+            return machine.spindle.counts_per_rev / 360.0
+
+
+STEPS_MM = (0.001, 0.01, 0.1, 1.0, 10.0)
+STEPS_DEG = (0.01, 0.1, 1.0, 10.0, 30.0)
+"""Two ladders with a choice each: what is chosen in one says nothing of the other."""
+
+FIRST_RUNG = 1
+IDLE_S = 30.0
+"""How long jogging stays enabled without a jog."""
+
+BLIND_STEP_MM = 1.0
+"""Longest step toward the work while nobody knows where it is: half of the usual retract distance."""
+
+FEELING_STEP_MM = 0.01
+"""Longest step toward a surface that should be touching already."""
+
+STEP_TOLERANCE_MM = 0.0005
+"""By so much a step may be too long: what is shown with three decimals and what is allowed are the same."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JogEnable:
+    """That jogging was enabled: when it was last used (machine time), and how many stops were settled before."""
+
+    used_s: float
+    stops: int
+
+    def left_s(self, now_s: float) -> float:
+        """Return how long it holds without a jog."""
+        return IDLE_S - (now_s - self.used_s)
+
+    def holds(self, state: StationState, now_s: float) -> bool:
+        """Whether it still holds: not beyond its time, not beyond a stop, not for a machine that is lost."""
+        stopped = state.stop is not None or state.stops != self.stops or state.activity is Activity.LOST
+        return not stopped and self.left_s(now_s) > 0.0
+
+
+def ladder_of(axis: AxisName) -> tuple[float, ...]:
+    """Return the steps of an axis, mm or degrees."""
+    return STEPS_DEG if axis is AxisName.SPINDLE else STEPS_MM
+
+
+def step_of(axis: AxisName, rung: int) -> float:
+    """Return the length of a step on a rung of the ladder, mm or degrees."""
+    return ladder_of(axis)[rung]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Steps:
+    """The rungs that are chosen on the two ladders."""
+
+    mm: int = FIRST_RUNG
+    deg: int = FIRST_RUNG
+
+    def of(self, axis: AxisName) -> float:
+        """Return the length of a step of an axis, mm or degrees."""
+        return step_of(axis, self.deg if axis is AxisName.SPINDLE else self.mm)
+
+    def changed(self, axis: AxisName, by: int) -> Steps:
+        """Return the choice with the ladder of an axis so many rungs longer, as far as there are any."""
+        last = len(ladder_of(axis)) - 1
+        if axis is AxisName.SPINDLE:
+            return replace(self, deg=min(max(self.deg + by, 0), last))
+        return replace(self, mm=min(max(self.mm + by, 0), last))
+
+
+def tool_radius_mm(position_counts: float, machine: MachineProfile, alignment: Alignment) -> float:
+    """Return the radius of the tool tip, by the touch-off or, before it, by the machine profile."""
+    tool = aligned_machine(machine, alignment).tool
+    return tool.home_radius_mm - position_counts / tool.counts_per_mm
+
+
+def longest_in_mm(gap_mm: float | None) -> float:
+    """Return the longest step toward the work that is allowed; `gap_mm` is None where it is not known."""
+    return BLIND_STEP_MM if gap_mm is None else max(gap_mm, FEELING_STEP_MM)
+
+
+def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> float:
+    """Return the longest step of the tool toward the work: to the clamped part, as far as it was touched off."""
+    if snapshot is None or alignment.touch_off is None:
+        return longest_in_mm(None)
+    return longest_in_mm(tool_gap_mm(snapshot, machine, alignment))
+
+
+def is_too_long(step_mm: float, longest_mm: float) -> bool:
+    """Return whether a step is longer than it may be."""
+    return step_mm > longest_mm + STEP_TOLERANCE_MM
+
+
+def peak_speed(machine: MachineProfile, axis: AxisName, step: float) -> float:
+    """Return a bound of the speed that a step reaches, counts/ms.
+
+    The jog speed Ix22; less where the way is over before: step / TA with the acceleration time TA (Ix20, at
+    least twice Ix21), and sqrt(Ix19 step), the peak of two ramps at the acceleration limit Ix19.
+    """
+    motor, variables = _motor(machine, axis), machine.controller.variables
+    way = abs(step) * counts_per_unit(machine, axis)
+    ramp_ms = max(variables[f"I{motor}20"], 2.0 * variables[f"I{motor}21"])
+    limit = variables[f"I{motor}19"]
+    bounds = [abs(variables[f"I{motor}22"])]
+    if ramp_ms > 0.0:
+        bounds.append(way / ramp_ms)
+    if limit > 0.0:
+        bounds.append(math.sqrt(limit * way))
+    return min(bounds)
+
+
+def overrun(machine: MachineProfile, axis: AxisName, step: float) -> float:
+    """Return the longest way from the press of a stop in mid-step to rest, mm or degrees.
+
+    v (background period + link latency) + v^2 / (2 a), with the peak speed v of this step and the abort rate
+    a = Ix15: the controller obeys a stop once in a background period. A stop that brakes at least as hard as
+    the step does at its own end (Ix15 >= Ix19) ends within the step; a softer one may go beyond it. Infinite
+    when Ix15 is 0, which never stops a motor.
+    """
+    motor, variables = _motor(machine, axis), machine.controller.variables
+    speed, rate, step_rate = peak_speed(machine, axis, step), variables[f"I{motor}15"], variables[f"I{motor}19"]
+    if rate <= 0.0:
+        return math.inf
+    late_ms = machine.controller.background_ms + LINK_LATENCY_MS
+    way = (speed * late_ms + speed**2 / (2.0 * rate)) / counts_per_unit(machine, axis)
+    return min(way, abs(step)) if rate >= step_rate > 0.0 else way
+
+
+def _motor(machine: MachineProfile, axis: AxisName) -> int:
+    match axis:
+        case AxisName.TOOL:
+            return machine.tool.motor
+        case AxisName.SPINDLE:
+            return machine.spindle.motor
+        case AxisName.CARRIAGE:
+            return machine.carriage.motor
+
+
+CLEAR_MM = 0.2
+"""Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
+
+
+TOUCH_OFF_BAND_MM = 1.5
+"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
+
+
+def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:
+    """Return the radial way from the tip to the surface of the clamped blank, negative inside.
+
+    None where it is not known: nothing is clamped, or the axes have no zero.
+    """
+    if alignment.clamping is None or not snapshot.homed:
+        return None
+    tool = aligned_machine(machine, alignment).tool
+    radius_mm = tool.home_radius_mm - snapshot.tool.position / tool.counts_per_mm
+    return radius_mm - 0.5 * alignment.clamping.diameter_mm
+
+
+def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> bool | None:
+    """Return whether the tip is over the clamped blank and not clear of it; None where that is not known.
+
+    Before the touch-off the tip is only known to the band in which that may find it.
+    """
+    gap_mm = tool_gap_mm(snapshot, machine, alignment)
+    if gap_mm is None or alignment.clamping is None:
+        return None
+    if not over_part(snapshot, machine, alignment.clamping.overhang_mm):
+        return False
+    if gap_mm < CLEAR_MM:
+        return True
+    return None if alignment.touch_off is None and gap_mm < CLEAR_MM + TOUCH_OFF_BAND_MM else False
+
+
+def over_part(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> bool:
+    """Return whether any of the tool's flat is between the face of a part and the jaws."""
+    return behind_face_mm(snapshot, machine, overhang_mm) + 0.5 * machine.tool.wiper_land_mm > 0.0
+
+
+def behind_face_mm(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> float:
+    """Return how far the tool stands behind the face of a part, along Z; negative in front of it."""
+    carriage = machine.carriage
+    return snapshot.carriage.position / carriage.counts_per_mm - (carriage.jaw_face_mm - overhang_mm)
+
+
+def no_retract(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> Problem | None:
+    """Return why the tool cannot be taken out, with what is known of where it stands; None where it can be.
+
+    Nothing holds a tool whose drive is off: it is not called out, wherever it was seen. Where its place is not
+    known that is said, and not that it stands in the part.
+    """
+    if snapshot is None:
+        return Problem(code="screen.nothing_known")
+    if snapshot.loops_closed:
+        return None
+    match tool_in_part(snapshot, machine, alignment):
+        case True:
+            return Problem(code="machine.retract_not_possible")
+        case False:
+            return Problem(code="alignment.drives_off")
+        case None:
+            return Problem(code="machine.tool_unknown")

@@ -1,0 +1,201 @@
+"""The thread that owns the link: it opens the machine, works the station, and leaves the machine at rest.
+
+Nothing numeric is imported here: the screen is painted first, and what is heavy is loaded in this thread.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
+
+from console.session.signals import LEAVE_WITHIN_S
+from console.session.station.alarms import Priority, raised
+from console.session.station.state import IDLE, Activity, StationState
+from drivers.lathe.stop import StopPath
+from profiles.problem import Problem, ProblemError
+
+if TYPE_CHECKING:
+    from console.session.station.intents import Intent
+    from console.session.station.station import Station
+
+LOOK_PERIOD_S = 0.1
+"""Between two looks at a machine that has nothing to do."""
+
+LEAVE_S = 3.0
+"""How long a screen that cannot write to its terminal may take to leave, once the machine rests."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opened:
+    """A machine that was opened: its station, its stop, and how to let go of the link and what is behind it."""
+
+    station: Station
+    stop: StopPath
+    close: Callable[[], None]
+
+
+class LinkThread:
+    """The real `Control`: everything public but `join` returns at once, from any thread and a signal handler.
+
+    `give_up` ends the process with an exit code when nothing else can; a test may put something else there.
+    """
+
+    def __init__(
+        self,
+        machine: str,
+        simulated: bool,
+        open_machine: Callable[[], Opened],
+        *,
+        leave_s: float = LEAVE_S,
+        give_up: Callable[[int], object] = os._exit,
+    ) -> None:
+        self._open = open_machine
+        self._leave_s, self._give_up = leave_s, give_up
+        self._opened: Opened | None = None
+        self._unopened = StationState(machine=machine, simulated=simulated)
+        self._may_open = False
+        self._stopped: str | None = None
+        self._ending: str | None = None
+        self._must_leave = False
+        self._at_rest = True  # as far as it was ever moved
+        # No event: a signal handler may come in the middle of `Event.set`, and would wait for itself there.
+        self._wake: SimpleQueue[None] = SimpleQueue()
+        self._finished = threading.Event()
+        # Not a daemon's work, but a daemon: a machine that cannot be reached must not keep the process alive.
+        self._thread = threading.Thread(target=self._run, name="link", daemon=True)
+
+    @property
+    def state(self) -> StationState:
+        """The newest state."""
+        opened = self._opened
+        return self._unopened if opened is None else opened.station.state
+
+    @property
+    def rested(self) -> bool:
+        """Whether the machine was left, and at rest, as far as it was ever opened."""
+        return self._at_rest and self._finished.is_set()
+
+    def now_s(self) -> float:
+        """Return machine time."""
+        return time.monotonic()
+
+    def start(self) -> None:
+        """Start the thread. It opens nothing yet; from now on it ends the process when that must be."""
+        self._thread.start()
+
+    def open(self) -> None:
+        """Begin to open the machine."""
+        self._may_open = True
+        self._wake.put(None)
+
+    def post(self, intent: Intent) -> bool:
+        """Order something."""
+        opened = self._opened
+        if opened is None:
+            return False
+        taken = opened.station.post(intent)
+        self._wake.put(None)
+        return taken
+
+    def stop(self, reason: str) -> None:
+        """Stop the machine now; one that is still being opened is stopped before anything else is done with it."""
+        # First noted and then looked, where the thread does it the other way round: one of the two sends it.
+        self._stopped = self._stopped or reason
+        if self._opened is not None:
+            self._opened.stop.stop(reason)
+        self._wake.put(None)
+
+    def kill(self, reason: str) -> None:
+        """Open every loop now; those of a machine that is still being opened have not been closed."""
+        self._stopped = self._stopped or reason
+        if self._opened is not None:
+            self._opened.stop.kill(reason)
+        self._wake.put(None)
+
+    def beat(self) -> None:
+        """The screen is alive."""
+        if self._opened is not None:
+            self._opened.station.beat()
+
+    def end(self, reason: str, *, must_leave: bool = False) -> None:
+        """Leave the machine at rest and end. With `must_leave` the process ends even if the screen cannot."""
+        self._ending = self._ending or reason
+        self._must_leave = self._must_leave or must_leave
+        # A signal may come between an order and its beginning, where nothing is known of it yet.
+        state = self.state
+        concerned = state.controls and (must_leave or state.may_move or state.activity not in IDLE)
+        if self._opened is not None and must_leave:
+            stop = self._opened.stop
+            stop.leave_by_s = min(stop.leave_by_s, self.now_s() + LEAVE_WITHIN_S)
+        if self._opened is not None and concerned:
+            self._opened.stop.stop(reason)
+        self._wake.put(None)
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait until the machine was left; False when that takes longer."""
+        return self._finished.wait(timeout_s)
+
+    def _run(self) -> None:
+        try:
+            self._wait_until(lambda: self._may_open or self._ending is not None)
+            if self._ending is None:
+                self._work(self._open())
+        except Exception as error:
+            self._unopened, self._opened = _failed(self.state, error), None
+            self._wait_until(lambda: self._ending is not None)
+        self._finished.set()
+        self._wait_until(lambda: self._must_leave)
+        # The process ends, and this thread with it, unless its terminal takes nothing any more and it hangs there.
+        time.sleep(self._leave_s)
+        self._give_up(1)
+
+    def _work(self, opened: Opened) -> None:
+        self._opened, self._at_rest = opened, False
+        station = opened.station
+        try:
+            # Who ends before it is known whose the machine is has moved nothing: it may move for somebody else.
+            if self._stopped is not None:
+                opened.stop.stop(self._stopped)
+            if self._ending is None and not station.connect():
+                self._wait_until(lambda: self._ending is not None)
+            while self._ending is None:
+                station.step()
+                self._wait(LOOK_PERIOD_S)
+            station.close(self._ending)
+            self._at_rest = station.state.activity is not Activity.LOST
+        except BaseException:
+            if station.state.controls:  # else it moves for somebody else
+                opened.stop.kill("fault")
+            raise
+        finally:
+            opened.close()
+
+    def _wait(self, timeout_s: float | None) -> None:
+        """Wait until something happens."""
+        with suppress(Empty):
+            self._wake.get(timeout=timeout_s)
+            while True:
+                self._wake.get_nowait()
+
+    def _wait_until(self, condition: Callable[[], bool]) -> None:
+        while not condition():
+            self._wait(None)
+
+
+def _failed(state: StationState, error: Exception) -> StationState:
+    problems: tuple[Problem, ...]
+    if isinstance(error, ProblemError):
+        problems = tuple(error.problems)
+    else:
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        problems = (Problem(code="session.fault", value=what),)
+    alarms = state.alarms
+    for problem in problems:
+        alarms = raised(alarms, problem, Priority.HIGH, time.monotonic())
+    return replace(state, activity=Activity.LOST, alarms=alarms)

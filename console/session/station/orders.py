@@ -1,0 +1,308 @@
+"""What each order does with the machine, one function an order. All of it runs in the link thread.
+
+A refusal is a `SessionError` and leaves the machine alone; any other error has the station stop the machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from console.session.cut.alignment import TouchOff, aligned_job, clamped, jaw_found, unclamped
+from console.session.cut.interlocks import of_job, refuse_unless
+from console.session.cut.run import FILTER_UPR
+from console.session.cut.sequence import tool_clear
+from console.session.errors import SessionError
+from console.session.learning.part_lesson import lesson_of
+from console.session.station.alarms import recovered
+from console.session.station.cutting import arm, disarm, put_back, retract, start
+from console.session.station.intents import (
+    Approach,
+    Arm,
+    ConfirmClamping,
+    Disarm,
+    Forget,
+    Home,
+    Jog,
+    Measure,
+    Recover,
+    Retract,
+    Start,
+    SwitchOff,
+    SwitchOn,
+    TakeJaw,
+    TakeOver,
+    TakeTouchOff,
+    Verify,
+)
+from console.session.station.jogging import (
+    TOUCH_OFF_BAND_MM,
+    counts_per_unit,
+    is_too_long,
+    longest_toward_mm,
+    over_part,
+    tool_in_part,
+)
+from console.session.station.state import Activity, MeasuredPart
+from console.session.station.workplace import Workplace
+from drivers.cutting.planning import Strategy
+from drivers.errors import ControllerError
+from drivers.lathe.snapshot import AxisName
+from drivers.pmac.programs.setup import cut_setup
+from profiles.problem import Problem
+from profiles.roundness import evaluate
+from profiles.rules import Severity, force_as_measured
+
+OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
+"""Alarms that a take-over settles."""
+
+STILL_S, STILL_COUNTS = 0.2, 2.0
+"""Two looks so far apart may differ by so much: 0.06 rpm of the spindle."""
+
+STILL_PATIENCE_S = 3.0
+"""An axis that was switched off a moment ago may still settle; a spindle that runs out takes longer."""
+
+OVER_PART_MM = 2.0
+"""How far behind the face of the part the tool stands for the touch-off."""
+
+
+def verify(place: Workplace, _: Verify) -> None:
+    """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
+    if place.state.controls:
+        put_back(place)
+    settings = place.lathe.verify()
+    if place.state.controls:
+        settings = (*settings, *place.lathe.tables_left())
+        if place.commissioned is not None:
+            place.commissioned.take_fingerprint()
+    place.tell(alignment=replace(place.state.alignment, settings=settings))
+
+
+def take_over(place: Workplace, order: TakeOver) -> None:
+    """Take control of the machine, whoever had it. What was aligned from another console is not known here."""
+    place.owning.take_over()
+    if not place.lathe.snapshot().loops_open:
+        place.lathe.hands_clear()  # whoever had the machine has switched it on since
+    place.tell_standing()
+    place.end_alarms(*OWNER_CODES)
+    verify(place, Verify())
+
+
+def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
+    """Take the operator's word that the blank is clamped; in the simulator, clamp it."""
+    if not place.lathe.snapshot().loops_open:
+        raise SessionError(Problem(code="alignment.drives_on"))
+    _refuse_unless_still(place)
+    _refuse_tool_in_part(place)
+    refuse_unless(of_job(order.job, place.machine))
+    finding = force_as_measured(order.job)
+    if finding.severity is not Severity.OK:
+        raise SessionError(finding.problem)
+    if place.shop is not None:
+        place.shop.mount(order.job)
+    alignment = clamped(place.state.alignment, order.job, place.local_time())
+    place.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
+
+
+def switch_on(place: Workplace, _: SwitchOn) -> None:
+    """Close the loops, on a controller that is set as its profile says."""
+    settings = place.state.alignment.settings
+    if settings is None:
+        raise SessionError(Problem(code="alignment.not_verified"))
+    if settings:
+        raise SessionError(*settings)
+    _refuse_unless_still(place)
+    place.lathe.hands_clear()
+    try:
+        place.lathe.enable()
+    except ControllerError as refused:
+        # One axis may have closed before another was refused: all or none.
+        place.lathe.switch_off()
+        raise SessionError(*refused.problems) from refused
+
+
+def switch_off(place: Workplace, _: SwitchOff) -> None:
+    """Open the loops."""
+    place.lathe.switch_off()
+    put_back(place)
+
+
+def home(place: Workplace, _: Home) -> None:
+    """Find the zeros."""
+    _refuse_without_drives(place)
+    place.lathe.home()
+
+
+def approach(place: Workplace, order: Approach) -> None:
+    """Tool out, carriage over the part, tool in to the retract distance."""
+    _refuse_unless_homed(place)
+    machine = place.machine
+    setup = cut_setup(order.job, machine)
+    over_mm = min(OVER_PART_MM, 0.5 * order.job.cut_length_mm)
+    face = (machine.carriage.jaw_face_mm - order.job.overhang_mm) * machine.carriage.counts_per_mm
+    lathe = place.lathe
+    if lathe.snapshot().tool.position > setup.retracted:
+        lathe.retract(setup.retracted)
+    lathe.jog_to(AxisName.CARRIAGE, face + over_mm * machine.carriage.counts_per_mm)
+    lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
+
+
+def jog(place: Workplace, order: Jog) -> None:
+    """One step; toward the work no further than to the part that is clamped, as far as that is known."""
+    _refuse_unless_homed(place)
+    if order.axis is AxisName.TOOL:
+        nominal, alignment = place.loaded_machine.machine, place.state.alignment
+        longest_mm = longest_toward_mm(place.lathe.snapshot(), nominal, alignment)
+        if is_too_long(order.distance, longest_mm):
+            value, limit = f"{order.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
+            raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
+    place.lathe.jog_by(order.axis, order.distance * counts_per_unit(place.machine, order.axis))
+
+
+def take_jaw(place: Workplace, _: TakeJaw) -> None:
+    """Jaw 1 is where the spindle stands."""
+    _refuse_unless_homed(place)
+    snapshot = place.lathe.snapshot()
+    _refuse_unless_at_rest(snapshot.at_rest)
+    angle_deg = math.fmod(snapshot.spindle.position / counts_per_unit(place.machine, AxisName.SPINDLE), 360.0)
+    alignment = place.state.alignment
+    jaws = place.machine.chuck.jaws if alignment.clamping is None else alignment.clamping.jaws
+    place.tell(alignment=jaw_found(alignment, angle_deg, jaws, place.local_time()))
+
+
+def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
+    """The tool tip is at this radius where it stands."""
+    _refuse_unless_homed(place)
+    snapshot = place.lathe.snapshot()
+    _refuse_unless_at_rest(snapshot.at_rest)
+    tool = place.loaded_machine.machine.tool
+    clamping = place.state.alignment.clamping
+    if clamping is None or not over_part(snapshot, place.loaded_machine.machine, clamping.overhang_mm):
+        raise SessionError(Problem(code="alignment.beside_part", key="tool"))
+    zero_mm = order.radius_mm + snapshot.tool.position / tool.counts_per_mm
+    if abs(zero_mm - tool.home_radius_mm) > TOUCH_OFF_BAND_MM:
+        value = f"R {zero_mm:.3f} mm"
+        limit = f"R {tool.home_radius_mm:.3f} ± {TOUCH_OFF_BAND_MM:g} mm"
+        raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
+    alignment, diameter_mm = place.state.alignment, clamping.diameter_mm
+    stamp = TouchOff(zero_radius_mm=zero_mm, diameter_mm=diameter_mm, at=place.local_time(), on=alignment.on)
+    place.tell(alignment=replace(alignment, touch_off=stamp))
+
+
+def forget(place: Workplace, _: Forget) -> None:
+    """One reading back: the touch-off, or jaw 1 where there is none."""
+    alignment = place.state.alignment
+    if alignment.touch_off is not None:
+        place.tell(alignment=replace(alignment, touch_off=None))
+    else:
+        place.tell(alignment=replace(alignment, jaw=None))
+
+
+def recover(place: Workplace, _: Recover) -> None:
+    """The operator goes on after a stop; nothing moves, and what moved does not go on."""
+    place.lathe.stop.release()
+    if place.state.controls:
+        place.lathe.acknowledge_loss()
+    place.change_alarms(recovered)
+    place.tell(stop=None, armed=None)
+    place.limits_seen = place.lathe.snapshot().limits
+
+
+def measure(place: Workplace, _: Measure) -> None:
+    """Drives off, chuck open, part on the gauge."""
+    if place.shop is None:
+        raise SessionError(Problem(code="session.no_gauge"))
+    started, plan = place.started, place.plan
+    if plan is None or started is None or not place.state.cut_done:
+        raise SessionError(Problem(code="session.nothing_cut"))
+    snapshot = place.lathe.snapshot()
+    _refuse_unless_at_rest(snapshot.at_rest)
+    if not tool_clear(snapshot, plan):
+        raise SessionError(Problem(code="machine.tool_in_part"))
+    if not snapshot.loops_open:
+        place.lathe.switch_off()
+    _refuse_unless_still(place)
+    trace = place.shop.measure()
+    result = evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
+    part = MeasuredPart(
+        job=started.job,
+        strategy=started.strategy,
+        trace=trace,
+        result=result,
+        jaw_1_deg=started.job.jaw_1_deg,
+        marks_mm=place.state.marks_mm,
+        lesson=lesson_of(
+            started.loaded, started.job.name, started.made, trace, place.loaded_machine, place.records
+        ),
+    )
+    place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
+    place.end_record()
+    place.tell(measured=part, cut_done=False, armed=None)
+    if part.strategy is Strategy.NONE:
+        place.tell(uncompensated=part)
+    place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
+
+
+def arm_order(place: Workplace, order: Arm) -> None:
+    """Arm for the job with jaw 1 where it was found."""
+    arm(place, order, aligned_job(order.job, place.state.alignment))
+
+
+def _refuse_without_drives(place: Workplace) -> None:
+    if not place.lathe.snapshot().loops_closed:
+        raise SessionError(Problem(code="alignment.drives_off"))
+
+
+def _refuse_unless_homed(place: Workplace) -> None:
+    _refuse_without_drives(place)
+    if not place.lathe.snapshot().homed:
+        raise SessionError(Problem(code="alignment.not_homed"))
+
+
+def _refuse_tool_in_part(place: Workplace) -> None:
+    """Refuse to touch the part that is in the chuck while the tool stands in it."""
+    alignment, nominal = place.state.alignment, place.loaded_machine.machine
+    if tool_in_part(place.lathe.snapshot(), nominal, alignment):
+        raise SessionError(Problem(code="machine.tool_in_part"))
+
+
+def _refuse_unless_still(place: Workplace) -> None:
+    """Refuse while anything turns: with open loops rest is what two looks show, not what is commanded."""
+    deadline_s = place.clock.now_s() + STILL_PATIENCE_S
+    before = place.lathe.snapshot()
+    while place.clock.now_s() < deadline_s:
+        place.clock.wait(STILL_S)
+        after = place.lathe.snapshot()
+        if after.still(before, STILL_COUNTS):
+            return
+        before = after
+    raise SessionError(Problem(code="machine.moving"))
+
+
+def _refuse_unless_at_rest(at_rest: bool) -> None:
+    if not at_rest:
+        raise SessionError(Problem(code="machine.moving"))
+
+
+ORDERS: dict[type[Any], tuple[Activity, Callable[[Workplace, Any], None]]] = {
+    Verify: (Activity.VERIFYING, verify),
+    ConfirmClamping: (Activity.CLAMPING, confirm_clamping),
+    SwitchOn: (Activity.SWITCHING, switch_on),
+    SwitchOff: (Activity.SWITCHING, switch_off),
+    Home: (Activity.HOMING, home),
+    Approach: (Activity.APPROACHING, approach),
+    Jog: (Activity.JOGGING, jog),
+    TakeJaw: (Activity.READY, take_jaw),
+    TakeTouchOff: (Activity.READY, take_touch_off),
+    Forget: (Activity.READY, forget),
+    Arm: (Activity.ARMING, arm_order),
+    Disarm: (Activity.READY, disarm),
+    Start: (Activity.POSITIONING, start),
+    Retract: (Activity.RETRACTING, retract),
+    Recover: (Activity.STOPPED, recover),
+    TakeOver: (Activity.VERIFYING, take_over),
+    Measure: (Activity.MEASURING, measure),
+}
+"""What is shown while an order is carried out, and what does it. Hold and Acknowledge wait for no turn."""

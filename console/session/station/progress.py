@@ -1,0 +1,327 @@
+"""How the cut goes: every look at the machine becomes one immutable value for the screen."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from console.session.cut.interlocks import SPEED_BAND
+from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg, phase_of
+from console.session.cut.telemetry import CutFigures, Telemetry
+from console.session.station.ripple import SpindleRipple, spindle_ripple
+from drivers.cutting.plan import Strategy
+from drivers.cutting.planning import CutPlan
+from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+LOOKED_S = 1.0
+"""Time over which the speed is told: that of a single look is known to some ms only."""
+
+
+class SpindleWatch:
+    """Sees every look at the machine. It belongs to the link thread."""
+
+    def __init__(self, counts_per_rev: float) -> None:
+        self._counts_per_rev = counts_per_rev
+        self._looks: list[tuple[float, float]] = []
+        self._homed = False
+
+    def see(self, snapshot: Snapshot) -> float | None:
+        """Return the speed in rpm with this look taken into account, None while there is only one."""
+        homed = "home_complete" in snapshot.spindle.flags
+        if homed != self._homed:
+            self._homed = homed
+            self.forget()  # the zero of the counts has moved, not the spindle
+        self._looks = [look for look in self._looks if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
+        self._looks.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
+        return 60.0 * _slope(self._looks) if len(self._looks) > 1 else None
+
+    def forget(self) -> None:
+        """Leave out what was seen until now: it tells of another motion."""
+        self._looks = []
+
+
+def _slope(points: list[tuple[float, float]]) -> float:
+    """Return the slope of the straight line with the least squares of its distances."""
+    mean_x = sum(x for x, _ in points) / len(points)
+    mean_y = sum(y for _, y in points) / len(points)
+    across = sum((x - mean_x) * (y - mean_y) for x, y in points)
+    return across / sum((x - mean_x) * (x - mean_x) for x, _ in points)
+
+
+KEPT_LOOKS = 240
+"""Looks that are shown and judged: some eight seconds."""
+
+PHASE_LOOKS = 60
+
+LEAST_PEAK_UM = 1.0
+"""No tool error is so small that twice as much would already be the tool leaving the part."""
+
+BEGUN_UM = 20.0
+"""A tool that has gone so far from where the program found it was moved by the program."""
+
+
+class CutStage(StrEnum):
+    """The stages of a cut in their order."""
+
+    POSITION = "position"
+    RUN_UP = "run_up"
+    CUT = "cut"
+    RETRACT = "retract"
+    DONE = "done"
+    HELD = "held"
+
+
+RUNNING = frozenset({CutStage.RUN_UP, CutStage.CUT, CutStage.RETRACT})
+"""Stages in which the program of a cut runs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutProgress:
+    """One moment of a cut.
+
+    `speed_rpm` is None while too little was seen of the spindle. Angles are degrees from its index. `angles_deg`
+    and `errors_um` (tool against the wanted path at the spindle angle of that very instant, infeed positive) are
+    the last looks in the part, oldest first, not to be written to. `phase` is how much the tool is
+    behind the wanted path, in spindle degrees, None while too little was seen or there is no lobe to be in phase
+    with; `phase_limit_deg` is what the part allows of it, None where no phase spoils it. `fraction` is that of the
+    cut length. `figures` are those of the whole cut, once it has ended. `judged` is False where the strategy
+    follows no lobe: the tool error is then the lobe itself, and there is no phase. `synchronisation` is None where
+    there is nothing to keep together, or too little was seen of it. `ripple` is how the speed of the spindle
+    swings within a turn, by the last looks in the part; None where it cannot be told. A cut `in_air` has all of it
+    beside the part, so far out as it was planned.
+    """
+
+    stage: CutStage
+    holding: bool
+    turn: float
+    turns: float
+    z_mm: float
+    length_mm: float
+    left_s: float
+    speed_rpm: float | None
+    tool_radius_mm: float
+    infeed_um: float
+    wanted_um: float
+    tool_error_um: float
+    tool_error_peak_um: float
+    following_error_um: float
+    phase: Phase | None
+    angles_deg: NDArray[np.float64]
+    errors_um: NDArray[np.float64]
+    phase_limit_deg: float | None
+    figures: CutFigures | None = None
+    judged: bool = True
+    synchronisation: Synchronisation | None = None
+    ripple: SpindleRipple | None = None
+    in_air: bool = False
+
+    @property
+    def in_phase(self) -> bool | None:
+        """Whether the phase error is within its limit, as far as it is known; None while it is not."""
+        return is_in_phase(self.phase, self.phase_limit_deg)
+
+    @property
+    def phase_error_deg(self) -> float | None:
+        """How much the tool is behind the wanted path, spindle degrees, None while it is not known."""
+        return None if self.phase is None else self.phase.error_deg
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the tool is in the part and no longer with the spindle."""
+        return self.synchronisation is Synchronisation.LOST
+
+    @property
+    def ripple_percent(self) -> float | None:
+        """Peak to peak of the spindle's speed within a turn over its mean, None where it cannot be told."""
+        return None if self.ripple is None else self.ripple.percent
+
+    @property
+    def fraction(self) -> float:
+        """Share of the cut length that is done, 0 to 1."""
+        return min(max(self.z_mm / self.length_mm, 0.0), 1.0)
+
+    def with_figures(self, figures: CutFigures) -> CutProgress:
+        """Return the moment with the figures of the whole cut."""
+        return replace(self, figures=figures)
+
+
+class CutWatch:
+    """Follows one cut. `see` is called with every look; it belongs to the link thread."""
+
+    def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False) -> None:
+        self._plan, self._job, self._machine = plan, job, machine
+        self._in_air = in_air
+        self._telemetry = Telemetry(plan, machine, job.cut_length_mm)
+        end = plan.carriage_start + plan.setup.carriage_counts
+        self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
+        self._end = end
+        self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
+        self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
+        self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
+        self._peak_um = self._reached_mm = 0.0
+        self._held = self._over = False
+        self._judged = plan.strategy is not Strategy.NONE
+        self._phase_limit_deg = phase_limit_deg(plan.wanted, job.roundness_tolerance_um)
+
+    def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
+        """Take a look into account and return the moment that it shows, with the speed of the spindle in it."""
+        angle_deg = self._angle_deg(snapshot)
+        infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
+        wanted_um = float(self._plan.wanted.at_um(angle_deg))
+        error_um = infeed_um - wanted_um
+        # A hold takes the tool out while the carriage still stands over the part: what it leaves is not judged.
+        self._held = self._held or (holding and abs(error_um) > 2.0 * max(self._peak_um, LEAST_PEAK_UM))
+        if not self._held:
+            self._telemetry.see(snapshot)
+        cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
+        self._over = self._over or (bool(self._looks) and infeed_um < 0.0)
+        cutting = cutting and not self._held and not self._over
+        if cutting and snapshot.program_running:
+            stage = CutStage.CUT
+            self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
+            self._looks.append((angle_deg % 360.0, error_um))
+            self._infeeds.append((angle_deg, infeed_um))
+            if AxisName.SPINDLE in snapshot.driven:
+                self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
+            self._peak_um = max(self._peak_um, abs(error_um))
+        elif stage is CutStage.RUN_UP and self._looks:
+            # A program that somebody else has stopped leaves the tool where it is.
+            stage = CutStage.CUT if cutting else CutStage.RETRACT
+        return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, wanted_um)
+
+    def figures(self) -> CutFigures | None:
+        """Return the figures of the whole cut, None when too little of it was seen."""
+        return self._telemetry.figures()
+
+    def _moment(
+        self,
+        snapshot: Snapshot,
+        stage: CutStage,
+        holding: bool,
+        speed_rpm: float | None,
+        infeed_um: float,
+        wanted_um: float,
+    ) -> CutProgress:
+        machine, job = self._machine, self._job
+        z_mm = self._done_mm(snapshot, stage)
+        per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
+        angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
+        phase = self._phase()
+        return CutProgress(
+            stage=stage,
+            holding=holding,
+            turn=min(max(z_mm, 0.0), job.cut_length_mm) / job.feed_mm_per_rev,
+            turns=job.cut_length_mm / job.feed_mm_per_rev,
+            z_mm=min(max(z_mm, 0.0), job.cut_length_mm),
+            length_mm=job.cut_length_mm,
+            left_s=max(job.cut_length_mm - max(z_mm, 0.0), 0.0) / per_s if per_s else 0.0,
+            speed_rpm=speed_rpm,
+            tool_radius_mm=machine.tool.home_radius_mm - snapshot.tool.position / machine.tool.counts_per_mm,
+            infeed_um=infeed_um,
+            wanted_um=wanted_um,
+            tool_error_um=infeed_um - wanted_um,
+            tool_error_peak_um=self._peak_um,
+            following_error_um=snapshot.tool.following_error * machine.tool.count_um,
+            phase=phase,
+            judged=self._judged,
+            synchronisation=self._synchronisation(snapshot, stage, speed_rpm, phase),
+            ripple=self._ripple(),
+            in_air=self._in_air,
+            angles_deg=angles,
+            errors_um=errors,
+            phase_limit_deg=self._phase_limit_deg,
+        )
+
+    def _done_mm(self, snapshot: Snapshot, stage: CutStage) -> float:
+        """Return how much of the length is cut: of a cut that is over what it was, wherever the carriage goes."""
+        match stage:
+            case CutStage.POSITION:
+                return 0.0  # the carriage comes from wherever it stood
+            case CutStage.DONE:
+                return self._job.cut_length_mm
+            case CutStage.RETRACT | CutStage.HELD:
+                return self._reached_mm
+            case _:
+                return self._past_face_mm(snapshot)
+
+    def _past_face_mm(self, snapshot: Snapshot) -> float:
+        return (snapshot.carriage.position - self._face) / self._machine.carriage.counts_per_mm
+
+    def _synchronisation(
+        self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: Phase | None
+    ) -> Synchronisation | None:
+        plan, in_phase = self._plan, is_in_phase(phase, self._phase_limit_deg)
+        wanted_rpm = plan.spindle_speed_rpm
+        if stage is CutStage.CUT:
+            return in_part(plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, in_phase=in_phase)
+        if stage is not CutStage.RUN_UP or not snapshot.program_running:
+            return None
+        way_um = (snapshot.tool.position - plan.tool_start) * self._machine.tool.count_um
+        return before_part(
+            plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, begun=abs(way_um) > BEGUN_UM
+        )
+
+    def _ripple(self) -> SpindleRipple | None:
+        looks = np.array(self._turning, dtype=np.float64).reshape(-1, 2)
+        return spindle_ripple(looks, self._machine.spindle.counts_per_rev)
+
+    def _phase(self) -> Phase | None:
+        return phase_of(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted) if self._judged else None
+
+    def _angle_deg(self, snapshot: Snapshot) -> float:
+        return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
+
+
+STANDS_SHARE = 0.05
+"""Below this share of the speed of the job a spindle stands."""
+
+
+class Synchronisation(StrEnum):
+    """How tool and spindle are together.
+
+    `queued`: the program runs, but the spindle is not at speed yet or the carriage not at the part. `waiting`: no
+    time of the program passes until the index of the spindle comes. `in_sync`: in the part, in phase. `lost`: in
+    the part, out of phase or with a spindle that stands.
+    """
+
+    QUEUED = "queued"
+    WAITING = "waiting"
+    IN_SYNC = "in_sync"
+    LOST = "lost"
+
+
+def before_part(
+    strategy: Strategy, *, spindle_rpm: float | None, wanted_rpm: float, begun: bool
+) -> Synchronisation | None:
+    """Return what a program that runs is at, before the part is reached; None where the tool follows no lobe.
+
+    `begun` is whether the tool has left the place where the program found it. Only a program on the spindle's time
+    waits for the index, and it waits with everything at rest but the spindle.
+    """
+    if strategy is Strategy.NONE:
+        return None
+    at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - wanted_rpm) <= SPEED_BAND * wanted_rpm
+    waits = strategy is Strategy.TIMEBASE and at_speed and not begun
+    return Synchronisation.WAITING if waits else Synchronisation.QUEUED
+
+
+def in_part(
+    strategy: Strategy, *, spindle_rpm: float | None, wanted_rpm: float, in_phase: bool | None
+) -> Synchronisation | None:
+    """Return whether tool and spindle are together in the part; None while that is not known, or without a lobe.
+
+    A spindle that stands is lost whatever the phase: what follows its angle stands with it, in phase.
+    """
+    if strategy is Strategy.NONE:
+        return None
+    if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * wanted_rpm:
+        return Synchronisation.LOST
+    if in_phase is None:
+        return None
+    return Synchronisation.IN_SYNC if in_phase else Synchronisation.LOST

@@ -1,0 +1,205 @@
+"""Everything that a screen may show of the machine, as one immutable value that is replaced, never changed.
+
+Light on purpose: the first page is painted from it before numerics and the link are there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from console.session.cut.alignment import Alignment
+from console.session.station.alarms import Alarms
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import NOBODY, Standing
+from drivers.simulator.plant.shop_view import ShopView
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from console.session.data.made_parts import MadeWith
+    from console.session.learning.part_lesson import PartLesson
+    from console.session.station.progress import CutProgress
+    from drivers.cutting.planning import CutPlan, Strategy
+    from profiles.job import Job
+    from profiles.roundness import RoundnessResult
+    from profiles.store import LoadedJob
+    from profiles.traces import Trace
+
+
+class Activity(StrEnum):
+    """What the link thread is doing with the machine."""
+
+    CONNECTING = "connecting"
+    READY = "ready"
+    VERIFYING = "verifying"
+    CLAMPING = "clamping"
+    SWITCHING = "switching"
+    HOMING = "homing"
+    JOGGING = "jogging"
+    APPROACHING = "approaching"
+    POSITIONING = "positioning"
+    ARMING = "arming"
+    CUTTING = "cutting"
+    RETRACTING = "retracting"
+    MEASURING = "measuring"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    LOST = "lost"
+
+
+MOVING = frozenset(
+    {
+        Activity.HOMING,
+        Activity.JOGGING,
+        Activity.APPROACHING,
+        Activity.POSITIONING,
+        Activity.CUTTING,
+        Activity.RETRACTING,
+        Activity.STOPPING,
+    }
+)
+"""Activities in which something moves, or is about to."""
+
+IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
+"""Activities in which the link thread can take an order."""
+
+STALE_S = 1.0
+"""What was seen longer ago than this is not how the machine is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopState:
+    """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
+
+    `taken_s` is when a look first showed that the controller obeys it.
+
+    `delivered` is False when the link did not take it. `tool_in_part` is None while it is not known;
+    `can_retract` is whether every loop is closed. `of_cut` is whether it ended a cut, `mark_mm` where the tool
+    then came to stand in the part, mm behind its face; None where it did not.
+    """
+
+    reason: str
+    killed: bool
+    sent_s: float
+    delivered: bool = True
+    taken_s: float | None = None
+    rest_s: float | None = None
+    tool_in_part: bool | None = None
+    can_retract: bool = False
+    of_cut: bool = False
+    mark_mm: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Armed:
+    """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
+
+    `alignment` is the one that it was armed on. `made` is how the part will have been cut, `loaded` the file of
+    the job, None where it was edited.
+    """
+
+    job: Job
+    strategy: Strategy
+    plan: CutPlan
+    alignment: Alignment
+    until_s: float
+    made: MadeWith
+    loaded: LoadedJob | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredPart:
+    """A part that was released and measured: its trace with jaw 1 at `jaw_1_deg`, and what came of it.
+
+    `marks_mm` is where a stop left the tool in it, mm behind its face. `lesson` is what it teaches of the next.
+    """
+
+    job: Job
+    strategy: Strategy
+    trace: Trace
+    result: RoundnessResult
+    jaw_1_deg: float
+    marks_mm: tuple[float, ...] = ()
+    lesson: PartLesson | None = None
+
+    @property
+    def is_half(self) -> bool:
+        """Whether it was cut with half of its compensation: it was not meant to be round."""
+        return self.lesson is not None and self.lesson.made.stage == "partial"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchedBlank:
+    """How far the clamped blank is cut at most: to Z `to_mm` behind its face, by a cut of `of_mm`."""
+
+    to_mm: float
+    of_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationState:
+    """One moment. `at_s` is machine time.
+
+    `cut_done` says that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
+    job, that was cut without compensation and measured. `refusals` answer the last order, and go with the next.
+    `spindle_rpm` is None while too little was seen of it. `stops` counts those that were settled. `marks_mm` is
+    where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
+    cut, by however many cuts, None while no tool has been in it. `standing` is what this console is to the
+    machine, `holder` the number of the one that controls it.
+    """
+
+    activity: Activity = Activity.CONNECTING
+    standing: Standing = Standing.OWNER
+    holder: int = NOBODY
+    simulated: bool = True
+    machine: str = ""
+    address: str = ""
+    controller: str = ""
+    at_s: float = 0.0
+    round_trip_ms: float = 0.0
+    snapshot: Snapshot | None = None
+    spindle_rpm: float | None = None
+    seen: ShopView | None = None
+    alignment: Alignment = field(default_factory=Alignment)
+    alarms: Alarms = ()
+    refusals: tuple[Problem, ...] = ()
+    stop: StopState | None = None
+    stops: int = 0
+    armed: Armed | None = None
+    cut: CutProgress | None = None
+    cut_done: bool = False
+    touched: TouchedBlank | None = None
+    marks_mm: tuple[float, ...] = ()
+    measured: MeasuredPart | None = None
+    uncompensated: MeasuredPart | None = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether something moves or is about to, as far as that is known: of a lost machine nothing is."""
+        return self.activity is not Activity.LOST and self.may_move
+
+    @property
+    def seen_moving(self) -> bool:
+        """Whether something moves by the last look, whoever moves it."""
+        return self.moving or (self.snapshot is not None and self.snapshot.moving)
+
+    @property
+    def controls(self) -> bool:
+        """Whether this console controls the machine; another one may be why it moves."""
+        return self.standing is Standing.OWNER
+
+    @property
+    def may_move(self) -> bool:
+        """Whether something of ours moves, or must be taken to: a machine that was lost in motion."""
+        moves = self.activity in MOVING or (self.snapshot is not None and not self.snapshot.at_rest)
+        return self.controls and moves
+
+    def age_s(self, now_s: float) -> float | None:
+        """Return how old any value that was read may be; None where nothing was."""
+        return None if self.snapshot is None else self.snapshot.age_s(now_s)
+
+    def is_stale(self, now_s: float) -> bool:
+        """Whether what is shown was seen too long ago, or will not be seen again."""
+        age_s = self.age_s(now_s)
+        return self.activity is Activity.LOST or age_s is None or age_s > STALE_S

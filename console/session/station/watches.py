@@ -1,0 +1,64 @@
+"""What every look at the machine is searched for, and told as an alarm for as long as it is so."""
+
+from __future__ import annotations
+
+from console.session.cut.alignment import handed_over
+from console.session.station.alarms import HOME_LOST, with_faults
+from console.session.station.state import MOVING
+from console.session.station.workplace import Workplace
+from drivers.lathe.safety import device_problems
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
+from drivers.pmac.heartbeat.arming import lost_problem
+from profiles.problem import Problem
+
+
+def watch_axes(place: Workplace, snapshot: Snapshot) -> None:
+    """Say who has the machine, and what is wrong with its axes besides what is told already."""
+    _watch_owner(place, snapshot)
+    if snapshot.homed:
+        place.end_alarms(*HOME_LOST)
+    now_s = place.clock.now_s()
+    place.change_alarms(lambda alarms: with_faults(alarms, snapshot.axis_faults, now_s))
+
+
+def watch_devices(place: Workplace, before: Snapshot | None, snapshot: Snapshot) -> None:
+    """Say which safety device drops while drives are on: it ends what moves by itself, and no order goes out.
+
+    Where something moves, the wait for it stops the machine, and tells.
+    """
+    problems = device_problems(snapshot.inputs)
+    if snapshot.inputs and not problems:
+        place.end_alarms("safety.not_good")
+    on = not snapshot.loops_open or (before is not None and not before.loops_open)
+    if not problems or not on or not place.state.controls or place.state.activity in MOVING:
+        return
+    place.tell(armed=None)
+    for problem in problems:
+        if not any(alarm.active and alarm.problem == problem for alarm in place.state.alarms):
+            place.alarm(problem)
+
+
+def watch_guard(place: Workplace) -> None:
+    """Say once, while something moves, that the controller would not end it any more."""
+    unguarded = place.lathe.unguarded
+    if unguarded is not None and not place.alarmed(unguarded.code):
+        place.alarm(unguarded)
+
+
+def watch_loss(place: Workplace, snapshot: Snapshot) -> None:
+    """Say once what the controller has ended without its host; behind a stop that is settled with the stop."""
+    if not snapshot.lost:
+        place.end_alarms("heartbeat.lost")
+    elif not place.alarmed("heartbeat.lost"):
+        place.alarm(lost_problem(snapshot.lost))
+
+
+def _watch_owner(place: Workplace, snapshot: Snapshot) -> None:
+    """Say once that somebody else has taken the machine; what was aligned here is not known any more."""
+    if place.state.standing is not Standing.OUSTED:
+        return
+    place.tell(alignment=handed_over(place.state.alignment, place.local_time()))
+    if not place.alarmed("owner.ousted"):
+        place.tell(armed=None)
+        place.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))

@@ -1,0 +1,161 @@
+"""What the link thread works with: the lathe, the chuck and gauge beside it, and the state that it publishes."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
+from console.session.data.records import RunRecord
+from console.session.errors import SessionError
+from console.session.station.alarms import Alarms, Priority, cleared, raised
+from console.session.station.commissioned import Commissioned
+from console.session.station.owning import Owning
+from console.session.station.state import Armed, StationState
+from drivers.clock import Clock
+from drivers.cutting.planning import CutPlan
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
+from drivers.lathe.stop import way_problems
+from drivers.simulator.plant.shop_view import ShopView
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.store import LoadedMachine
+from profiles.traces import Trace
+
+
+class ShopFloor(Protocol):
+    """The hands and eyes of a simulated shop: clamp a blank, look at the chuck, take a trace of the part."""
+
+    def mount(self, job: Job) -> None:
+        """Clamp a new blank."""
+
+    def measure(self) -> Trace:
+        """Release the part and measure it."""
+
+    def look(self) -> ShopView:
+        """Return what can be seen at the chuck."""
+
+
+class Workplace:
+    """Everything that one order needs. `state` is replaced by `tell`, from whatever thread.
+
+    `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
+    goes on. `to_restore` are lines that make the card what its profile says again, where a cut has changed it.
+    `limits_seen` are the travel limits on which the machine stood when the operator went on after a stop: it may
+    be jogged off them. `hold_asked` is set by the operator; `Lathe.held` tells when it has been passed on.
+    """
+
+    def __init__(
+        self,
+        *,
+        lathe: Lathe,
+        owning: Owning,
+        machine: LoadedMachine,
+        clock: Clock,
+        shop: ShopFloor | None,
+        records: Path,
+        local_time: Callable[[], str],
+        commissioned: Commissioned | None = None,
+    ) -> None:
+        """Without `commissioned` nobody asks for stop record, fingerprint and safety devices: for tests alone."""
+        self.lathe = lathe
+        self.owning = owning
+        self.commissioned = commissioned
+        self.loaded_machine = machine
+        self.clock = clock
+        self.shop = shop
+        self.records = records
+        self.local_time = local_time
+        self.plan: CutPlan | None = None
+        self.started: Armed | None = None
+        self.record: RunRecord | None = None
+        self.seen: Callable[[Snapshot], None] | None = None
+        self.to_restore: tuple[str, ...] = ()
+        self.limits_seen: frozenset[str] = frozenset()
+        self.hold_asked = False
+        self._lock = threading.Lock()
+        self._state = StationState(
+            simulated=shop is not None,
+            machine=machine.machine.name,
+            standing=Standing.OBSERVER,
+            alignment=Alignment(on=mounted_on(machine.machine)),
+        )
+
+    @property
+    def state(self) -> StationState:
+        """The newest state."""
+        return self._state
+
+    @property
+    def machine(self) -> MachineProfile:
+        """The machine with its tool tip where the touch-off found it."""
+        return aligned_machine(self.loaded_machine.machine, self._state.alignment)
+
+    def tell(self, **changes: Any) -> None:
+        """Publish a state with these fields changed."""
+        with self._lock:
+            self._state = replace(self._state, **changes)
+
+    def tell_standing(self) -> None:
+        """Publish who controls the machine."""
+        ownership = self.lathe.ownership
+        if ownership is None:
+            self.tell(standing=Standing.OWNER)
+        else:
+            self.tell(standing=ownership.standing, holder=ownership.holder)
+
+    def alarm(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
+        """Raise an alarm."""
+        with self._lock:
+            alarms = raised(self._state.alarms, problem, priority, self.clock.now_s())
+            self._state = replace(self._state, alarms=alarms)
+
+    def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
+        """Publish what becomes of the alarms; none that another thread raises meanwhile is lost."""
+        with self._lock:
+            self._state = replace(self._state, alarms=change(self._state.alarms))
+
+    def end_alarms(self, *codes: str) -> None:
+        """The cause of these alarms is gone."""
+        self.change_alarms(lambda alarms: cleared(alarms, *codes))
+
+    def alarmed(self, code: str) -> bool:
+        """Whether an alarm of this code stands."""
+        return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
+
+    def note(self, kind: str, **data: object) -> None:
+        """Add an event to the record of the cut that is going on, if there is one.
+
+        Raises:
+            SessionError: `record.lost`.
+        """
+        if self.record is not None:
+            self.record.add(kind, data)
+
+    def end_record(self) -> None:
+        """The record of this cut is complete; one that was lost since is told."""
+        if self.record is not None:
+            try:
+                self.record.refuse_lost()
+            except SessionError as lost:
+                self.alarm(lost.problems[0], Priority.MEDIUM)
+            self.record.close()
+            self.record = None
+
+
+def watch_stop_way(place: Workplace) -> None:
+    """Say once that the connection for stops is lost: every stop still goes, but another cut is not begun."""
+    problems = way_problems(place.lathe.stop.way)
+    if not problems:
+        place.end_alarms("stops.connection_lost")
+        return
+    place.tell(armed=None)
+    for problem in problems:
+        if not any(alarm.active and alarm.problem == problem for alarm in place.state.alarms):
+            place.alarm(problem)

@@ -1,0 +1,1 @@
+"""What a controller is set to: read, compared, judged, tested on the machine."""

@@ -1,0 +1,84 @@
+"""Values of settings in words: in the controller's units, and in those of the machine."""
+
+from __future__ import annotations
+
+from drivers.commissioning.setting_names import Named, Quantity
+from drivers.pmac.analysis.units import unit_of
+from drivers.pmac.language.text import format_number
+from drivers.pmac.settings import PARTS_PER_COUNT
+from profiles.machine import MachineProfile
+
+DAC_BITS = 32_768
+"""Bits of the full output."""
+
+_PLAIN_DIGITS = 1e5
+
+
+def digits(value: float) -> str:
+    """Return a number with five figures, without an exponent; a large one with all before the point."""
+    if abs(value) >= _PLAIN_DIGITS:
+        return f"{value:.0f}"
+    short = f"{value:.5g}"
+    return format_number(value) if "e" in short else short
+
+
+def amount(value: float, of: Named, machine: MachineProfile) -> str:
+    """Return a value such as `40 counts/ms2 (8000 mm/s2)`."""
+    match of.name.quantity:
+        case Quantity.ADDRESS:
+            return f"${int(value):X}" if value == int(value) and value >= 0 else format_number(value)
+        case Quantity.TIME_MS:
+            return f"{digits(value)} ms"
+        case Quantity.DAC_BITS:
+            return _output(value, of.motor, machine)
+        case Quantity.COUNTS:
+            return _with(f"{digits(value)} counts", _length(value, of.motor, machine))
+        case Quantity.SIXTEENTHS:
+            return _with(f"{digits(value)} /16 counts", _length(value / PARTS_PER_COUNT, of.motor, machine))
+        case Quantity.SPEED:
+            return _with(f"{digits(value)} counts/ms", _speed(value, of.motor, machine))
+        case Quantity.ACCELERATION:
+            return _with(f"{digits(value)} counts/ms2", _acceleration(value, of.motor, machine))
+        case Quantity.NUMBER:
+            return format_number(value)
+
+
+def length(counts: float, motor: int, machine: MachineProfile) -> str:
+    """Return a length or an angle in the unit of its axis, counts where there is none."""
+    return _length(counts, motor, machine) or f"{digits(counts)} counts"
+
+
+def speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
+    """Return a speed in the unit of its axis, counts/ms where there is none."""
+    return _speed(counts_per_ms, motor, machine) or f"{digits(counts_per_ms)} counts/ms"
+
+
+def _with(counted: str, told: str) -> str:
+    return f"{counted} ({told})" if told else counted
+
+
+def _length(counts: float, motor: int, machine: MachineProfile) -> str:
+    unit = unit_of(machine, motor)
+    return "" if unit is None else f"{digits(counts * unit.per_count)} {unit.name}"
+
+
+def _speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
+    unit = unit_of(machine, motor)
+    return "" if unit is None else f"{digits(counts_per_ms * unit.velocity)} {unit.velocity_unit}"
+
+
+def _acceleration(counts_per_ms2: float, motor: int, machine: MachineProfile) -> str:
+    """In a second, by the unit of the speed: mm/s2 and rpm/s."""
+    unit = unit_of(machine, motor)
+    if unit is None:
+        return ""
+    per_second = "mm/s2" if unit.name == "mm" else f"{unit.velocity_unit}/s"
+    return f"{digits(counts_per_ms2 * 1e3 * unit.velocity)} {per_second}"
+
+
+def _output(bits: float, motor: int, machine: MachineProfile) -> str:
+    tool = machine.tool
+    if motor != tool.motor:
+        return f"{digits(bits)} bits"
+    current_a = bits / DAC_BITS * tool.dac_full_scale_v * tool.amplifier_gain_a_per_v
+    return f"{digits(bits)} bits ({digits(current_a)} A)"

@@ -1,0 +1,64 @@
+"""Bringing gains and axis definitions to a card: line by line, each read back, and nothing else ever."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from drivers.commissioning.card_state import read_state
+from drivers.commissioning.gains import Write
+from drivers.commissioning.judged import same
+from drivers.commissioning.reading import number_in
+from drivers.errors import DriverError, RefusedError
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from profiles.problem import Problem
+
+
+def refuse_unready(client: PmacClient, dialect: Dialect) -> None:
+    """Make sure that no motor of the card is on and no program runs.
+
+    Raises:
+        RefusedError: `controller.drives_on`, `controller.program_running`.
+        LinkError: the link broke.
+    """
+    state, where = read_state(client, dialect), client.link.address
+    if state.enabled:
+        motors = ", ".join(f"#{number}" for number in state.enabled)
+        raise RefusedError(Problem(code="controller.drives_on", where=where, value=motors))
+    if state.running:
+        systems = ", ".join(f"&{number}" for number in state.running)
+        raise RefusedError(Problem(code="controller.program_running", where=where, value=systems))
+
+
+def apply(client: PmacClient, dialect: Dialect, writes: Iterable[Write]) -> int:
+    """Send each line once and read its value back; return how many lines there were. Nothing is saved.
+
+    Who calls has a backup.
+
+    Raises:
+        RefusedError: `controller.drives_on`, `controller.program_running`; nothing was sent.
+        DriverError: `controller.not_taken`, a value is another than the one that was sent: nothing was sent behind
+            it.
+        LinkError: the link broke; what its last line did is to be looked at.
+    """
+    refuse_unready(client, dialect)
+    count = 0
+    for write in writes:
+        client.request(write.line)
+        (found,) = client.query(write.question, again=True)
+        if not _is(found, write.wanted, client.link.address):
+            raise DriverError(
+                Problem(code="controller.not_taken", key=write.line, value=found.strip(), limit=write.wanted)
+            )
+        count += 1
+    return count
+
+
+def _is(found: str, wanted: str, where: str) -> bool:
+    if found.strip() == wanted:
+        return True
+    try:
+        number = float(wanted)
+    except ValueError:
+        return False
+    return same(number_in(found, where), number)

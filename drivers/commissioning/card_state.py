@@ -1,0 +1,121 @@
+"""What a card does at this moment: its own faults, programs that run, motors that are on. Nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.judged import Judged
+from drivers.errors import LinkError
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.status import BitTable, decode
+from profiles.problem import Problem
+
+STATUS_A_LINE = 8
+
+CARD_FAULTS = (
+    "interrupt_overrun",
+    "servo_error",
+    "watchdog",
+    "checksum_error",
+    "dpram_error",
+    "flash_error",
+    "interrupt_warning",
+    "configuration_error",
+    "phase_clock_missing",
+    "fixed_buffer_full",
+)
+MOTOR_FAULTS = (
+    "amplifier_fault",
+    "fatal_following_error",
+    "integrated_fatal_error",
+    "i2t_fault",
+    "phasing_error",
+    "negative_limit",
+    "positive_limit",
+)
+
+Flags = frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CardState:
+    """The status bits that are set, by name; of systems and motors by number."""
+
+    card: Flags
+    systems: dict[int, Flags]
+    motors: dict[int, Flags]
+
+    @property
+    def running(self) -> tuple[int, ...]:
+        """The coordinate systems in which a program runs."""
+        return tuple(number for number, flags in self.systems.items() if "running_program" in flags)
+
+    @property
+    def enabled(self) -> tuple[int, ...]:
+        """The motors whose amplifiers are on."""
+        return tuple(number for number, flags in self.motors.items() if "amplifier_enabled" in flags)
+
+
+def read_state(client: PmacClient, dialect: Dialect) -> CardState:
+    """Ask for the status of the card, of every system and of every motor.
+
+    Raises:
+        LinkError: the link broke, or what came is no status.
+    """
+    (card,) = _flags(client, ["???"], dialect.global_bits)
+    systems, motors = list(dialect.numbers(Scope.SYSTEM)), list(dialect.numbers(Scope.MOTOR))
+    of_systems = _flags(client, [f"&{number}??" for number in systems], dialect.system_bits)
+    of_motors = _flags(client, [f"#{number}?" for number in motors], dialect.motor_bits)
+    return CardState(
+        card=card,
+        systems=dict(zip(systems, of_systems, strict=True)),
+        motors=dict(zip(motors, of_motors, strict=True)),
+    )
+
+
+def state_checks(state: CardState, judged: Judged) -> list[Check]:
+    """Return what is to be said of it before anything moves."""
+    faults = [name for name in CARD_FAULTS if name in state.card]
+    running = [f"&{number}" for number in state.running]
+    checks = [
+        _check(Group.CARD, "card_faults", faults),
+        _check(Group.PROGRAMS, "running", running),
+        *_motor_faults(state, judged),
+    ]
+    enabled = [f"#{number}" for number in state.enabled]
+    code = "drives_on" if enabled else "drives_off"
+    checks.append(Check(group=Group.STOPS, code=code, outcome=Outcome.NOTED, found=", ".join(enabled)))
+    if "gathering" in state.card:
+        checks.append(Check(group=Group.PROGRAMS, code="gathering", outcome=Outcome.WARNED))
+    return checks
+
+
+def _motor_faults(state: CardState, judged: Judged) -> Iterator[Check]:
+    for axis in judged.axes:
+        flags = state.motors.get(axis.motor, frozenset())
+        faults = [name for name in MOTOR_FAULTS if name in flags]
+        yield _check(axis.group, "motor_faults", faults, axis.name)
+
+
+def _check(group: Group, code: str, found: Sequence[str], subject: str = "") -> Check:
+    """Return a check that holds when nothing was found."""
+    outcome = Outcome.FAILS if found else Outcome.HOLDS
+    return Check(
+        group=group, code=code, outcome=outcome, subject=subject, found=", ".join(found) or "-", wanted="-"
+    )
+
+
+def _flags(client: PmacClient, questions: Sequence[str], table: BitTable) -> list[Flags]:
+    found = []
+    for start in range(0, len(questions), STATUS_A_LINE):
+        for digits in client.query(*questions[start : start + STATUS_A_LINE], again=True):
+            try:
+                found.append(decode(digits.strip(), table))
+            except ValueError as error:
+                where = client.link.address
+                problem = Problem(code="link.out_of_step", where=where, key="?", value=str(error))
+                raise LinkError(problem) from error
+    return found

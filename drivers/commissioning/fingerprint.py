@@ -1,0 +1,143 @@
+"""What a card was set to when it was connected to, against what it is before a cut: who else has written?
+
+What is read is what decides over a motion: the settings of our motors, of the card and of coordinate system 1,
+axis definitions, PLCs, programs, tables and the conversion table. What the console itself changes is no change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from drivers.commissioning.amounts import amount
+from drivers.commissioning.configuration import Configuration, digest
+from drivers.commissioning.judged import same
+from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_configuration
+from drivers.commissioning.setting_names import named
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.language.reading import HIGHEST_PLC
+from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+OWN_PROGRAMS = frozenset((1, 2, 3, 4))
+"""What the strategies load (`drivers.pmac.programs`)."""
+
+SHOWN = 12
+"""Figures of a hash that are told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fingerprint:
+    """What was read of one card for one machine; `free` is what the card said of its memory (SIZE)."""
+
+    machine: MachineProfile
+    configuration: Configuration
+    free: str
+
+    @property
+    def facts(self) -> tuple[Mapping[str, str], ...]:
+        """Everything but the settings, a part after the other, by names such as `PLC 3` or `#1->`, as texts."""
+        read = self.configuration
+        first = read.dialect.conversion_table.first_address
+        return (
+            {"TYPE": read.kind, "VERSION": read.version},
+            {
+                **{f"#{motor}->": f"&{axis.system} {axis.text}" for motor, axis in read.axes.items()},
+                **{f"M{index}->": text for index, text in read.pointers.items()},
+            },
+            {**_texts("PLC", read.plcs), **dict.fromkeys(read.locked, "PASSWORD")},
+            _texts("PROG", read.programs),
+            {
+                f"#{motor} COMP": f"{table.definition}, {table.entry_count}, sha256 {table.sha256[:SHOWN]}"
+                for motor, table in read.tables.items()
+            },
+            {f"Y:${first + line:X}": f"${word:X}" for line, word in enumerate(read.conversion)},
+        )
+
+
+def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
+    """Return what the console itself writes, by the names of `Fingerprint.facts`, settings as I-variables.
+
+    That is its programs, its heartbeat, the table of a cam cut, and the two lines of the conversion table that a
+    cut on the spindle's time uses. TA, TS, F and what is gathered are never compared.
+    """
+    table = dialect.conversion_table
+    lines = range(len(table.setup), len(table.setup) + 2)
+    if table.first_setting is None:
+        places = [f"Y:${table.first_address + line:X}" for line in lines]
+    else:
+        places = [f"I{table.first_setting + line}" for line in lines]
+    programs = (f"PROG {number}" for number in OWN_PROGRAMS)
+    return frozenset((*programs, f"PLC {HEARTBEAT_PLC}", f"#{machine.tool.motor} COMP", *places))
+
+
+def read_fingerprint(
+    client: PmacClient, machine: MachineProfile, dialect: Dialect, since: Fingerprint | None = None
+) -> Fingerprint:
+    """Read what is compared before each cut; nothing is written.
+
+    To find out which programs and tables there are takes longest. Where the card says that its memory is as free
+    as it was in `since`, they are those of then, and only what is in a table is looked at again.
+
+    Raises:
+        RefusedError: `controller.entering`.
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+    (free,) = client.query("SIZE", again=True)
+    known = since is not None and since.free == free
+    extent = replace(
+        of_motors(dialect, motors, (HOLD_FLAG,)),
+        plcs=tuple(number for number in range(HIGHEST_PLC + 1) if number != HEARTBEAT_PLC),
+        programs=() if known else tuple(number for number in PROGRAM_NUMBERS if number not in OWN_PROGRAMS),
+        tables=tuple(since.configuration.tables) if since is not None and known else None,
+        unlisted_table=machine.tool.motor,
+    )
+    read = read_configuration(client, dialect, extent)
+    if since is not None and known:
+        hidden = tuple(name for name in since.configuration.locked if name.startswith("PROG"))
+        read = replace(read, programs=since.configuration.programs, locked=(*read.locked, *hidden))
+    return Fingerprint(machine=machine, configuration=read, free=free)
+
+
+def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> tuple[Problem, ...]:
+    """Return everything that somebody else has changed, by name, with what it is and what it was."""
+    return (*_settings(before, after, ours), *_facts(before, after, ours))
+
+
+def _settings(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> Iterator[Problem]:
+    old, new = before.configuration.standing, after.configuration.standing
+    for index in sorted(old.keys() | new.keys()):
+        name, values = f"I{index}", (old.get(index), new.get(index))
+        if name in ours or _same(*values):
+            continue
+        of = named(index, after.configuration.dialect)
+        was, found = ("" if value is None else amount(value, of, after.machine) for value in values)
+        yield _problem(name, was, found)
+
+
+def _same(first: float | None, second: float | None) -> bool:
+    return first is not None and second is not None and same(first, second)
+
+
+def _facts(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> Iterator[Problem]:
+    for old, new in zip(before.facts, after.facts, strict=True):
+        for name in sorted((old.keys() | new.keys()) - ours, key=_by_number):
+            was, found = old.get(name, ""), new.get(name, "")
+            if was != found:
+                yield _problem(name, was, found)
+
+
+def _problem(name: str, was: str, found: str) -> Problem:
+    code = "fingerprint.changed" if was and found else "fingerprint.gone" if was else "fingerprint.appeared"
+    return Problem(code=code, key=name, value=found, limit=was)
+
+
+def _by_number(name: str) -> tuple[int, str]:
+    return len(name), name
+
+
+def _texts(kind: str, buffers: Mapping[int, Iterable[str]]) -> dict[str, str]:
+    return {f"{kind} {number}": f"sha256 {digest(lines)[:SHOWN]}" for number, lines in buffers.items()}

@@ -1,0 +1,137 @@
+"""The gains that a profile means, those that a card has, and the few lines that bring the one to the other.
+
+Gains and axis definitions are all that is ever written: with the drives killed, behind a backup, each value read
+back, and nothing saved. Limits, kill mode, commutation and addresses are none of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from drivers.commissioning.amounts import digits
+from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.judged import Judged, same
+from drivers.commissioning.setting_names import GAIN_NUMBERS
+from drivers.errors import RefusedError
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.language.text import format_constant
+from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
+
+ROUNDED = 0.01
+"""By this part a gain in whole numbers may differ from the one in V/m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Write:
+    """One line to be sent, the question that reads it back, and what that must answer; `found` is there now."""
+
+    line: str
+    question: str
+    wanted: str
+    found: str
+
+
+def gain_checks(judged: Judged) -> list[Check]:
+    """Return whether the profile's gains of the tool agree with each other, and what the card's mean."""
+    stated = judged.machine.controller.variables
+    meant = variables_from_gains(judged.machine, eq9_gains(judged.machine))
+    differing = [name for name, value in meant.items() if name in stated and not _near(stated[name], value)]
+    checks = [
+        Check(
+            group=Group.TOOL,
+            code="profile_gains",
+            outcome=Outcome.FAILS,
+            subject="tool",
+            variable=name,
+            found=format_constant(stated[name]),
+            wanted=str(meant[name]),
+        )
+        for name in differing
+    ]
+    found = _gains_found(judged)
+    return checks if found is None else [*checks, _meaning(found)]
+
+
+def gain_writes(judged: Judged) -> tuple[Write, ...]:
+    """Return the lines that bring gains and axis definitions to those of the profile; none where they are.
+
+    Raises:
+        RefusedError: `controller.profile_gains`, the profile contradicts itself: nothing to be trusted.
+    """
+    contradictions = [check for check in gain_checks(judged) if check.code == "profile_gains"]
+    if contradictions:
+        raise RefusedError(
+            *(
+                Problem(code="controller.profile_gains", key=c.variable, value=c.found, limit=c.wanted)
+                for c in contradictions
+            )
+        )
+    return (*_gain_lines(judged), *_axis_lines(judged))
+
+
+def _gain_lines(judged: Judged) -> list[Write]:
+    writes = []
+    for axis in judged.driven_axes:
+        for number in GAIN_NUMBERS:
+            index = judged.dialect.motor_index(axis.motor, number)
+            wanted, found = judged.wanted.get(index), judged.value(index)
+            if wanted is None or found is None or same(wanted, found):
+                continue
+            text = format_constant(wanted)
+            writes.append(
+                Write(line=f"I{index}={text}", question=f"I{index}", wanted=text, found=format_constant(found))
+            )
+    return writes
+
+
+def _axis_lines(judged: Judged) -> list[Write]:
+    """Define the axes of the profile. A definition that the profile does not know is left to its owner."""
+    writes = []
+    for definition in read_definitions(judged.machine.controller.axis_definitions):
+        entry = judged.configuration.axes.get(definition.motor)
+        found = "0" if entry is None else entry.text
+        if entry is not None and entry.system != 1:
+            continue  # its coordinate system would have to let go of it first: shown, not written
+        if found != str(definition):
+            line = f"#{definition.motor}->{definition}"
+            question = f"#{definition.motor}->"
+            writes.append(Write(line=f"&1{line}", question=question, wanted=str(definition), found=found))
+    return writes
+
+
+def _gains_found(judged: Judged) -> PidGains | None:
+    """Return what the settings on the card mean for the tool; None where some are not there."""
+    machine, motor = judged.machine, judged.machine.tool.motor
+    numbers = ("08", "09", "30", "31", "32", "33", "34", "35")
+    names = [f"I{motor}{number}" for number in numbers]
+    read = {name: judged.value(int(name[1:])) for name in names}
+    variables = {name: value for name, value in read.items() if value is not None}
+    try:
+        return gains_from_variables(_with_variables(machine, variables))
+    except ProfileError:
+        return None
+
+
+def _with_variables(machine: MachineProfile, variables: dict[str, float]) -> MachineProfile:
+    return replace(machine, controller=replace(machine.controller, variables=variables))
+
+
+def _meaning(gains: PidGains) -> Check:
+    return Check(
+        group=Group.TOOL,
+        code="gains_mean",
+        outcome=Outcome.NOTED,
+        subject="tool",
+        facts={
+            "kp": f"{digits(gains.kp_v_per_m)} V/m",
+            "ki": f"{digits(gains.ki_v_per_m_s)} V/(m s)",
+            "kd": f"{digits(gains.kd_v_s_per_m)} V s/m",
+            "velocity": f"{digits(gains.velocity_feedforward_v_s_per_m)} V s/m",
+        },
+    )
+
+
+def _near(first: float, second: float) -> bool:
+    return abs(first - second) <= max(1.0, ROUNDED * abs(second))

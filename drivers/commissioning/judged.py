@@ -1,0 +1,124 @@
+"""A configuration beside the machine profile that it is judged by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from drivers.commissioning.amounts import amount
+from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.configuration import Configuration, passing_settings
+from drivers.commissioning.setting_names import Named, named
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.settings import named_settings
+from profiles.machine import Controller, MachineProfile
+
+SAME = 1e-6
+"""Numbers that differ by less than this part of them are the same: a card has fewer digits than a host."""
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedAxis:
+    """An axis of the machine, its motor, and where what is said of it belongs."""
+
+    name: str
+    motor: int
+    group: Group
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What was read, and what it is to be."""
+
+    configuration: Configuration
+    machine: MachineProfile
+
+    @property
+    def dialect(self) -> Dialect:
+        """The family that was read."""
+        return self.configuration.dialect
+
+    @cached_property
+    def wanted(self) -> Mapping[int, float]:
+        """The settings that the profile states, but for those that ordinary work changes."""
+        return stated_settings_of(self.machine.controller, self.dialect)
+
+    @property
+    def axes(self) -> tuple[JudgedAxis, ...]:
+        """The axes of the machine."""
+        machine = self.machine
+        return (
+            JudgedAxis("tool", machine.tool.motor, Group.TOOL),
+            JudgedAxis("spindle", machine.spindle.motor, Group.SPINDLE),
+            JudgedAxis("carriage", machine.carriage.motor, Group.CARRIAGE),
+        )
+
+    @property
+    def driven_axes(self) -> tuple[JudgedAxis, ...]:
+        """Those that the controller moves: a spindle on an inverter is only read."""
+        followed = self.machine.spindle.drive == "inverter"
+        return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
+
+    def value(self, index: int) -> float | None:
+        """Return a setting, None where the card has none of that number."""
+        return self.configuration.settings.get(index)
+
+    def of_motor(self, axis: JudgedAxis, number: int) -> float:
+        """Return Ix`number` of an axis; what the card has not is 0."""
+        return self.configuration.settings.get(self.dialect.motor_index(axis.motor, number), 0.0)
+
+    def of_system(self, number: int) -> float:
+        """Return Ix`number` of coordinate system 1; what the card has not is 0."""
+        return self.configuration.settings.get(self.dialect.system_index(1, number), 0.0)
+
+    def group_of(self, of: Named) -> Group:
+        """Return where what is said of a setting belongs."""
+        groups = {axis.motor: axis.group for axis in self.axes}
+        return groups.get(of.motor, Group.SYSTEM if of.system else Group.CARD)
+
+    def subject_of(self, of: Named) -> str:
+        """Return whose a setting is."""
+        names = {axis.motor: axis.name for axis in self.axes}
+        if of.motor:
+            return names.get(of.motor, f"motor {of.motor}")
+        return f"system {of.system}" if of.system else ""
+
+    def told(
+        self,
+        code: str,
+        outcome: Outcome,
+        index: int,
+        *,
+        found: float | None = None,
+        wanted: str = "",
+        facts: Mapping[str, str] | None = None,
+    ) -> Check:
+        """Return a check about one setting, with its value in words."""
+        of = named(index, self.dialect)
+        value = self.value(index) if found is None else found
+        return Check(
+            group=self.group_of(of),
+            code=code,
+            outcome=outcome,
+            subject=self.subject_of(of),
+            setting=of.name.key,
+            variable=f"I{index}",
+            found="-" if value is None else amount(value, of, self.machine),
+            wanted=wanted,
+            facts={"nature": of.name.nature.value, **(facts or {})},
+        )
+
+
+def stated_settings_of(controller: Controller, dialect: Dialect) -> Mapping[int, float]:
+    """Return the settings that a profile states, by number, but for those that ordinary work changes."""
+    passing, stated = passing_settings(dialect), named_settings(controller.variables, dialect)
+    return {index: value for index, value in sorted(stated.items()) if index not in passing}
+
+
+def same(first: float, second: float) -> bool:
+    """Whether two numbers are the same, as far as a card can tell; whole numbers it has exactly."""
+    if first % 1.0 == 0.0 and second % 1.0 == 0.0:
+        return first == second
+    return math.isclose(first, second, rel_tol=SAME, abs_tol=SAME)

@@ -1,0 +1,1 @@
+"""Commissioning tests that move the machine, each with what it measured."""

@@ -1,0 +1,196 @@
+"""A cut in air, as a program: the spindle at speed, the tool on the fastest lobe, the carriage on a feed.
+
+It looks at the flag that ends a cut, and at the lease, at the end of each turn, as every cutting program does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from drivers.commissioning.judged import Judged
+from drivers.commissioning.rules_of_motors import LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ
+from drivers.pmac import reserved
+from drivers.pmac.axes import AxisDefinition, read_definitions
+from drivers.pmac.heartbeat.lease import lease_condition
+from drivers.pmac.heartbeat.plc import Policy
+from drivers.pmac.language.text import format_number
+from profiles.machine import MachineProfile
+
+PROGRAM = 999
+SPINDLE_START = "P22"
+"""P-variable of the console: where the spindle stands when the program begins, counts."""
+
+SEGMENT_MS = 4
+"""A whole number of ms, in every family; a lobe of 50 Hz has five of them."""
+
+HALF_RUN_UP_MS = 500
+APPROACH_MS = 200
+GROWING = 50
+"""Segments in which the lobe grows."""
+
+DEPTH_MM = 1.0
+"""How far in front of where it began the tool makes its lobe."""
+
+FEED_MM = 0.1
+"""Of the carriage, a turn."""
+
+LONGEST_MS = 3500.0
+"""A cut that nobody ends has ended by itself after so long at full speed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirCut:
+    """The speeds of a cut in air, counts/ms; the tool's is the greatest of its lobe, of `amplitude` counts."""
+
+    turn_ms: int
+    amplitude: float
+    tool: float
+    spindle: float
+    carriage: float
+
+    @property
+    def speeds(self) -> Mapping[str, float]:
+        """By axis."""
+        return {"tool": self.tool, "spindle": self.spindle, "carriage": self.carriage}
+
+    @property
+    def full_speed_s(self) -> float:
+        """When the lobe has its full amplitude, s behind the start."""
+        return (2 * HALF_RUN_UP_MS + APPROACH_MS + GROWING * SEGMENT_MS) / 1000.0
+
+
+def air_cut(machine: MachineProfile) -> AirCut:
+    """Return the fastest cut that this machine is made for: a lobe of 50 Hz, or what its spindle can do."""
+    fastest_ms = max(1000.0 * machine.chuck.jaws / LOBE_FREQUENCY_HZ, 60_000.0 / machine.spindle.max_speed_rpm)
+    turn_ms = SEGMENT_MS * math.ceil(fastest_ms / SEGMENT_MS)
+    amplitude = LOBE_AMPLITUDE_UM / machine.tool.count_um
+    return AirCut(
+        turn_ms=turn_ms,
+        amplitude=amplitude,
+        tool=amplitude * math.tau * machine.chuck.jaws / turn_ms,
+        spindle=machine.spindle.counts_per_rev / turn_ms,
+        carriage=FEED_MM * machine.carriage.counts_per_mm / turn_ms,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """Where an axis begins, counts, and in which direction there is room, +1 or -1."""
+
+    counts: float
+    direction: int
+
+
+def lobe_ends(machine: MachineProfile, tool: Begin) -> tuple[float, float]:
+    """Return where the tool goes to and fro, counts."""
+    mean, amplitude = _mean(machine, tool), air_cut(machine).amplitude
+    return mean - amplitude, mean + amplitude
+
+
+def air_cut_lines(judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> tuple[str, ...]:
+    """Return the program; it goes from where tool and carriage begin to where there is room."""
+    return tuple(_Writer(judged, policy, tool, carriage).lines())
+
+
+def _mean(machine: MachineProfile, tool: Begin) -> float:
+    return tool.counts + tool.direction * DEPTH_MM * machine.tool.counts_per_mm
+
+
+@dataclass(frozen=True, slots=True)
+class _Word:
+    """The word of one axis, from an expression in counts and one in counts/ms."""
+
+    definition: AxisDefinition
+    unit_ms: float
+
+    def at(self, place: str, speed: str = "0") -> str:
+        """Return the word that goes to a place and has a speed there."""
+        offset, scale = self.definition.offset, self.definition.scale
+        counts = f"({place}-({format_number(offset)}))" if offset else f"({place})"
+        per_unit = format_number(self.unit_ms / scale)
+        divided = counts if scale == 1.0 else f"({counts}/({format_number(scale)}))"
+        return f"{self.definition.axis}{divided}:({speed}*({per_unit}))"
+
+
+class _Writer:
+    """The parts of the program; P25 counts segments, P26 those of growth, P27 is the share, P28 the turn's end."""
+
+    def __init__(self, judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> None:
+        machine = judged.machine
+        unit_ms = judged.of_system(90)  # the time unit of speeds
+        self._machine, self._cut = machine, air_cut(machine)
+        self._words = {
+            each.motor: _Word(each, unit_ms) for each in read_definitions(machine.controller.axis_definitions)
+        }
+        self._out = format_number(tool.counts)
+        self._mean = format_number(_mean(machine, tool))
+        self._begin = format_number(carriage.counts)
+        self._speed = carriage.direction * self._cut.carriage
+        self._lease = "" if policy is Policy.FINISH else f" AND {lease_condition(judged.dialect)}"
+
+    def lines(self) -> Iterator[str]:
+        flag = f"M{reserved.HOLD_FLAG}"
+        yield from (f"OPEN PROG{PROGRAM}", "CLEAR", "ABS", f"{flag}=0", "P25=0", "P26=0", "P28=0")
+        yield f"PVT{HALF_RUN_UP_MS} ; the spindle runs up"
+        yield self._point(self._out, format_number(HALF_RUN_UP_MS / 6.0), 0.5)
+        yield self._point(self._out, str(HALF_RUN_UP_MS))
+        yield f"PVT{APPROACH_MS} ; the tool goes to the mean depth of its lobe"
+        yield self._point(self._mean, str(HALF_RUN_UP_MS + APPROACH_MS))
+        yield from self._turns(flag)
+        end = f"{self._begin}+{self._feed}*P25"
+        yield f"PVT{APPROACH_MS} ; the tool goes out"
+        yield self._point(self._out, self._since(APPROACH_MS), carriage=end)
+        yield f"PVT{HALF_RUN_UP_MS} ; the spindle runs down"
+        yield self._point(self._out, self._since(APPROACH_MS + HALF_RUN_UP_MS * 5.0 / 6.0), 0.5, carriage=end)
+        yield self._point(self._out, self._since(APPROACH_MS + HALF_RUN_UP_MS), 0.0, carriage=end)
+        yield "CLOSE"
+
+    def _turns(self, flag: str) -> Iterator[str]:
+        """The lobe grows and goes on; at the end of a turn, where the cut may end, the tool is outermost."""
+        cut = self._cut
+        a_turn = cut.turn_ms // SEGMENT_MS
+        angle = f"P25*{format_number(360.0 * self._machine.chuck.jaws / a_turn)}"
+        most = math.ceil(LONGEST_MS / cut.turn_ms) * a_turn
+        yield f"PVT{SEGMENT_MS} ; the lobe grows, and then goes on"
+        yield f"WHILE(P25<P28 OR {flag}=0{self._lease} AND P28<{most})"
+        yield f"IF(P25!<P28) P28=P28+{a_turn} ; the end of the next turn"
+        yield "P25=P25+1"
+        yield f"IF(P26<{GROWING}) P26=P26+1"
+        yield f"P27=P26/{GROWING}"
+        place = f"{self._mean}-{format_number(cut.amplitude)}*P27*COS({angle})"
+        speed = f"{format_number(cut.tool)}*P27*SIN({angle})"
+        feed = format_number(self._speed)
+        yield self._point(
+            place, self._since(0.0), tool_speed=speed, carriage=f"{self._begin}+{self._feed}*P25", feed=feed
+        )
+        yield "ENDWHILE"
+
+    @property
+    def _feed(self) -> str:
+        """Of the carriage in a segment, counts."""
+        return format_number(self._speed * SEGMENT_MS)
+
+    def _since(self, more_ms: float) -> str:
+        """Return the ms of full speed of the spindle up to a segment, and so many more."""
+        return f"({format_number(HALF_RUN_UP_MS + APPROACH_MS + more_ms)}+{SEGMENT_MS}*P25)"
+
+    def _point(
+        self,
+        tool: str,
+        spindle_ms: str,
+        share: float = 1.0,
+        *,
+        tool_speed: str = "0",
+        carriage: str = "",
+        feed: str = "0",
+    ) -> str:
+        """Return a line; the spindle has gone so many ms of full speed, and has this share of it."""
+        machine, speed = self._machine, format_number(self._cut.spindle)
+        words = [self._words[machine.tool.motor].at(tool, tool_speed)]
+        if not machine.spindle.followed:
+            turned = f"{SPINDLE_START}+{speed}*{spindle_ms}"
+            words.append(self._words[machine.spindle.motor].at(turned, format_number(self._cut.spindle * share)))
+        words.append(self._words[machine.carriage.motor].at(carriage or self._begin, feed))
+        return " ".join(words)

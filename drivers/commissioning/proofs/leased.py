@@ -1,0 +1,125 @@
+"""Bringing the axes where a proof begins, under the lease: homed, tool first, and back to where they began."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from drivers.commissioning.judged import JudgedAxis
+from drivers.commissioning.proofs.air_cut import Begin
+from drivers.commissioning.proofs.bench import REASON, ProofBench
+from drivers.errors import DriverError
+from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
+from drivers.pmac.heartbeat.lease import PERIOD_MS
+from drivers.pmac.heartbeat.watch import Look, Watch, rests
+from drivers.pmac.language.text import format_number
+from profiles.problem import Problem
+
+TIMEOUT_S = 60.0
+TRIES = 3
+"""A host that was held up for as long as a lease finds that the card has ended its motion, and begins it anew."""
+
+HOMING_ORDER = ("tool", "carriage", "spindle")
+
+
+@dataclass(kw_only=True)
+class Leased:
+    """The driven axes of a card whose heartbeat is in order. `starts` is where they were homed, counts."""
+
+    bench: ProofBench
+    i10: float
+    starts: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def axes(self) -> tuple[JudgedAxis, ...]:
+        """The axes that the card moves."""
+        return self.bench.judged.driven_axes
+
+    @property
+    def watch(self) -> Watch:
+        """All of their motors, looked at."""
+        bench = self.bench
+        motors = tuple(axis.motor for axis in self.axes)
+        return Watch(bench.client, bench.clock, bench.dialect, motors, bench.see_owner)
+
+    @property
+    def keeper(self) -> Keeper:
+        """The lines of the lease."""
+        return Keeper(dialect=self.bench.dialect, i10=self.i10)
+
+    def inwards(self, axis: JudgedAxis) -> int:
+        """Return the direction away from the home end, +1 or -1: there is room."""
+        return -1 if self.bench.judged.of_motor(axis, 23) > 0.0 and axis.name != "spindle" else 1
+
+    def begin(self, name: str) -> Begin:
+        """Return where an axis was homed, and where there is room."""
+        axis = next(each for each in self.axes if each.name == name)
+        return Begin(self.starts[name], self.inwards(axis))
+
+    def close(self) -> None:
+        """Close every loop where it stands.
+
+        Raises:
+            DriverError: somebody has stopped, or the link broke.
+        """
+        for axis in self.axes:
+            self.bench.move(f"#{axis.motor}J/")
+        self.bench.settle()
+        self.bench.moving = False
+
+    def home(self) -> None:
+        """Search the zero of each axis, the tool first, so that it is out when another one moves.
+
+        Raises:
+            DriverError: `machine.timeout`, somebody has stopped, or the link broke.
+        """
+        for name in HOMING_ORDER:
+            for axis in self.axes:
+                if axis.name == name:
+                    self.starts[name] = self._homed(axis)
+
+    def back(self) -> None:
+        """Bring tool and carriage back to where they were homed, the tool first.
+
+        Raises:
+            DriverError: as for `home`.
+        """
+        for axis in self.axes:
+            if axis.name != "spindle":
+                self._go(f"#{axis.motor}J={format_number(self.starts[axis.name])}", axis, lambda _: True)
+
+    def _homed(self, axis: JudgedAxis) -> float:
+        def done(look: Look) -> bool:
+            flags = look.flags[axis.motor]
+            return "home_complete" in flags and "home_search" not in flags
+
+        look = self._go(f"#{axis.motor}HM", axis, done)
+        return float(round(look.positions[axis.motor]))
+
+    def _go(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look:
+        for _ in range(TRIES):
+            look = self._once(line, axis, done)
+            if look is not None:
+                return look
+        raise self._timeout(axis)
+
+    def _once(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look | None:
+        """Move, and renew the lease until it is done; None when the card has ended it."""
+        bench, watch, keeper = self.bench, self.watch, self.keeper
+        looks: list[Look] = []
+        end_s = bench.clock.now_s() + TIMEOUT_S
+        bench.move(f"{keeper.jog_line()} {line}")
+        while not (looks and (looks[-1].lost or (rests(looks) and done(looks[-1])))):
+            bench.clock.wait(PERIOD_MS / 1000.0)
+            bench.stop.check()
+            watch.renew(keeper)
+            looks.append(watch.look())
+            if bench.clock.now_s() > end_s:
+                raise self._timeout(axis)
+        watch.client.request(f"{NOTHING_GUARDED} {LOSS_SEEN}")
+        bench.moving = looks[-1].lost  # ended by the card, it may not rest yet
+        return None if looks[-1].lost else looks[-1]
+
+    def _timeout(self, axis: JudgedAxis) -> DriverError:
+        self.bench.stop.stop(REASON)
+        return DriverError(Problem(code="machine.timeout", key=axis.name, value=f"{TIMEOUT_S:g} s"))

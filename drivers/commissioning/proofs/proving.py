@@ -1,0 +1,177 @@
+"""The proofs in their order: first what the card does while every drive is killed, then what has to be seen move.
+
+Only a card on which everything else holds is moved, from drives killed to drives killed. What was there before is
+there afterwards: no table, no gather buffer, I51 = 0, the definition of the spare M-variable, what is gathered.
+What stays is the heartbeat, without which nothing is moved later either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from drivers.commissioning.amounts import digits
+from drivers.commissioning.check import Check, Group, Outcome, worst
+from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, ProofBench, names_of, proof, unproven
+from drivers.commissioning.proofs.motion import pvt_rounding, source_delay
+from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
+from drivers.commissioning.proofs.tables import compensation_edge, delete_order, fails, roll_over, table_zero
+from drivers.commissioning.reading import Extent, read_configuration, read_settings
+from drivers.commissioning.stop_record import StopEntry
+from drivers.commissioning.verification import Verification
+from drivers.errors import ControllerError, LinkError
+from drivers.lathe.stop import StopPath
+from drivers.pmac.client import PmacClient
+from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.reserved import OWNER
+from drivers.pmac.settings import servo_cycle_ms
+
+BEGIN_CYCLES = 4_000_000
+"""Written into the timer: more than passes meanwhile."""
+
+MEASURED_S = 1.0
+TOLERANCE = 0.02
+"""Of the rate: what two round trips may hide."""
+
+
+def servo_rate(bench: ProofBench) -> Check:
+    """Measure the servo rate with the last timer of the family; it is left to count."""
+    name = _timer(bench)
+    bench.tell(f"{name}={BEGIN_CYCLES}")
+    (first,) = bench.client.numbers(name, again=True)
+    began_s = bench.clock.now_s()
+    bench.settle(MEASURED_S)
+    (last,) = bench.client.numbers(name, again=True)
+    passed_s = bench.clock.now_s() - began_s
+    wanted_us = servo_cycle_ms(bench.judged.value(10) or 0.0) * 1000.0
+    cycles = first - last
+    if cycles <= 0.0 or passed_s <= 0.0:
+        return proof("servo_rate", holds=False, found="-", wanted=f"{digits(wanted_us)} us")
+    found_us = passed_s * 1e6 / cycles
+    holds = abs(found_us / wanted_us - 1.0) <= TOLERANCE
+    return proof("servo_rate", holds=holds, found=f"{digits(found_us)} us", wanted=f"{digits(wanted_us)} us")
+
+
+def _timer(bench: ProofBench) -> str:
+    """Return the variable that is the timer; of a family without such settings, the spare one points at it."""
+    dialect = bench.dialect
+    if dialect.timer_numbers:
+        return f"I{dialect.system_index(1, dialect.timer_numbers[-1])}"
+    space, address = dialect.timer_words[-1]
+    name = f"M{bench.spare}"
+    bench.client.request(f"{name}->{space}:${address:X},0,24,S", lines=0)
+    return name
+
+
+Proof = Callable[[ProofBench], Check]
+
+KILLED: Mapping[str, Proof] = {
+    "servo_rate": servo_rate,
+    "compensation_edge": compensation_edge,
+    "table_zero": table_zero,
+    "delete_order": delete_order,
+}
+SPINDLE: Mapping[str, Proof] = {"source_delay": source_delay, "roll_over": roll_over}
+CLOSED: Mapping[str, Proof] = {"pvt_rounding": pvt_rounding}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proven:
+    """What came of the proofs, and how the machine was seen to stop."""
+
+    checks: tuple[Check, ...]
+    stops: tuple[StopEntry, ...] = ()
+
+
+def prove(
+    client: PmacClient,
+    stop: StopPath,
+    clock: Clock,
+    verification: Verification,
+    owner: float | None = None,
+    owner_seen: Callable[[float], None] = lambda _: None,
+) -> Proven:
+    """Prove what a cut relies on; the drives are killed before and afterwards.
+
+    `owner` is the number of the console that controls the machine, None: whoever does when it begins. When the
+    machine is another's meanwhile, what moves is stopped, and nothing else goes out; `owner_seen` is told whose.
+
+    Raises:
+        StoppedError: somebody stopped; the drives are killed.
+        LinkError: the link broke; look at the machine.
+        DriverError: an axis does not arrive; the drives are killed. `owner.ousted`.
+    """
+    judged = verification.judged
+    names = names_of(judged.machine)
+    busy = verification.state.enabled or judged.configuration.tables or "gathering" in verification.state.card
+    if busy or worst(verification.checks) is Outcome.FAILS:
+        first = Check(group=Group.PROOFS, code="proofs_refused", outcome=Outcome.FAILS)
+        return Proven(checks=(first, *unproven(names)))
+    if owner is None:
+        (owner,) = client.numbers(f"P{OWNER}", again=True)
+    bench = ProofBench(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
+    before = _before(bench)
+    checks: list[Check] = []
+    stops = MeasuredStops()
+    try:
+        checks += _stage(bench, KILLED)
+        if not judged.machine.spindle.followed and not fails(checks):
+            checks += _stage(bench, SPINDLE)
+            checks += _closed(bench)
+        if not fails(checks):
+            stops = prove_stops(bench)
+            checks += stops.checks
+    finally:
+        _leave(bench, before)
+    done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
+    missing = [name for name in names if name not in done]
+    return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
+
+
+def _stage(bench: ProofBench, proofs: Mapping[str, Proof]) -> list[Check]:
+    checks = []
+    for name, carry_out in proofs.items():
+        try:
+            checks.append(carry_out(bench))
+        except ControllerError as error:
+            found = f"{error.problems[0].value}: ERR{error.error_number:03d}"
+        except GatherError as error:
+            found = str(error)
+        else:
+            continue
+        checks.append(Check(group=Group.PROOFS, code=f"proof_{name}", outcome=Outcome.FAILS, found=found))
+    return checks
+
+
+def _closed(bench: ProofBench) -> list[Check]:
+    """Carry out what needs every loop closed, and open them again."""
+    for axis in bench.judged.axes:
+        bench.move(f"#{axis.motor}J/")
+    bench.settle()
+    bench.moving = False
+    checks = _stage(bench, CLOSED)
+    bench.stop.switch_off()
+    bench.settle()
+    return checks
+
+
+def _leave(bench: ProofBench, before: Before) -> None:
+    """Kill every drive, and put everything back that can be; what is another's is left as it is."""
+    if bench.ousted:
+        return
+    with suppress(LinkError):
+        bench.stop.switch_off()
+    bench.clock.wait(SETTLE_S)
+    bench.put_back(before)
+
+
+def _before(bench: ProofBench) -> Before:
+    """Read what the proofs use of the card: the spare M-variable, and what it gathers."""
+    spare, gather = bench.spare, bench.dialect.gathering
+    extent = Extent(settings=(), pointers=(range(spare, spare + 1),), motors=(), programs=())
+    pointers = read_configuration(bench.client, bench.dialect, extent).pointers
+    sources = range(gather.first_source, gather.first_source + CHANNELS)
+    numbers = (gather.period, *gather.masks, *sources)
+    return Before(pointer=pointers.get(spare, "*"), settings=read_settings(bench.client, numbers))

@@ -1,0 +1,114 @@
+"""What compensation tables do when they are switched, deleted, and left behind: proven with the drives killed."""
+
+from __future__ import annotations
+
+from drivers.commissioning.amounts import digits
+from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.proofs.bench import ProofBench, proof, unproven
+from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
+from drivers.pmac.compensation.table_text import definition_text
+
+FLAT_COUNTS = 10.0
+ENTRY = 16
+"""Entries are in sixteenths of a count."""
+
+SAME_COUNTS = 0.5
+"""A source that trembles by a count moves the correction by less than this."""
+
+LEAST_TURNED = 64.0
+"""Counts that a source must be away from its zero, to be rolled over."""
+
+
+def compensation_edge(bench: ProofBench) -> Check:
+    """Prove that the last correction stays when I51 goes to 0, and that it can be cleared by hand then."""
+    target = bench.motor("carriage")
+    bench.define(_table(bench, target, span=bench.judged.machine.spindle.counts_per_rev, entries=(160,) * 4))
+    bench.tell("I51=1")
+    bench.settle()
+    on = bench.correction(target)
+    bench.tell("I51=0")
+    bench.settle()
+    kept = bench.correction(target)
+    bench.clear_correction(target)
+    bench.settle()
+    cleared = bench.correction(target)
+    bench.delete(target)
+    found = ", ".join(digits(value) for value in (on, kept, cleared))
+    holds = _near(on, FLAT_COUNTS) and _near(kept, FLAT_COUNTS) and _near(cleared, 0.0)
+    return proof("compensation_edge", holds=holds, found=found, wanted=f"{FLAT_COUNTS:g}, {FLAT_COUNTS:g}, 0")
+
+
+def table_zero(bench: ProofBench) -> Check:
+    """Prove what the correction at the zero of the source is: the last entry, also where that is not 0."""
+    target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
+    # So long that the source stands within the first spacing, or within the last one.
+    span = 4 * int(abs(here)) + 4000
+    table = _table(bench, target, span=span, entries=(0, 100 * ENTRY))
+    found = _correction(bench, table)
+    wanted = table.correction(here)
+    return proof("table_zero", holds=_near(found, wanted), found=digits(found), wanted=digits(wanted))
+
+
+def roll_over(bench: ProofBench) -> Check:
+    """Prove that a source beyond the span is folded into it."""
+    target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
+    if abs(here) < LEAST_TURNED:
+        return unproven(["roll_over"])[0]
+    span = max(16, int(abs(here) / 2.4))
+    table = _table(bench, target, span=span, entries=(10 * ENTRY, 30 * ENTRY, 20 * ENTRY, 0))
+    found, wanted = _correction(bench, table), table.correction(here)
+    # A tremble of a count of the source moves the correction by its slope.
+    holds = abs(found - wanted) <= SAME_COUNTS + 80.0 / span
+    return proof("roll_over", holds=holds, found=digits(found), wanted=digits(wanted))
+
+
+def delete_order(bench: ProofBench) -> Check:
+    """Prove the order of tables in memory: defined high to low, deleted low to high, in front of gathering."""
+    low, high = sorted((bench.motor("tool"), bench.motor("carriage")))
+    tables = {
+        motor: _table(bench, motor, span=bench.judged.machine.spindle.counts_per_rev, entries=(0, 0))
+        for motor in (low, high)
+    }
+    bench.define(tables[high])
+    bench.define(tables[low])
+    kept = bench.refuses(f"#{high}DELETE COMP")
+    bench.delete(low, high)
+    bench.define(tables[low])
+    upward = bench.refuses(f"#{high}DEFINE COMP {definition_text(tables[high].definition)}")
+    bench.delete(low)
+    bench.tell("DEFINE GATHER 10")
+    gathering = bench.refuses(f"#{low}DEFINE COMP {definition_text(tables[low].definition)}")
+    bench.tell("DELETE GATHER")
+    refused = (kept, upward, gathering)
+    found = ", ".join("ERR003" if each else "-" for each in refused)
+    return proof("delete_order", holds=all(refused), found=found, wanted="ERR003, ERR003, ERR003")
+
+
+def _correction(bench: ProofBench, table: CompensationTable) -> float:
+    """Return the correction of a table that is switched on for this alone."""
+    target = table.definition.target
+    bench.define(table)
+    bench.tell("I51=1")
+    bench.settle()
+    found = bench.correction(target)
+    bench.delete(target)
+    return found
+
+
+def _table(bench: ProofBench, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
+    definition = TableDefinition(
+        motor=target,
+        sources=(TableSource(bench.motor("spindle"), span),),
+        target=target,
+        columns=len(entries),
+    )
+    return definition.filled(entries)
+
+
+def _near(found: float, wanted: float) -> bool:
+    return abs(found - wanted) <= SAME_COUNTS
+
+
+def fails(checks: list[Check]) -> bool:
+    """Whether one of them has failed: then nothing is moved for the others."""
+    return any(check.outcome is Outcome.FAILS for check in checks)

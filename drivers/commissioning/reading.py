@@ -1,0 +1,265 @@
+"""Reading the configuration of a controller through a client. Nothing is written and nothing moves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest, fleeting_settings
+from drivers.errors import ControllerError, LinkError, RefusedError
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.foreseen import number_of
+from drivers.pmac.language.errors import ErrorCode
+from drivers.pmac.language.reading import HIGHEST_PLC
+from drivers.pmac.status import decode
+from profiles.problem import Problem
+
+NUMBERS_A_LINE = 50
+"""Variables of one range: a third of a second of a line at 9600 baud."""
+
+WORDS_A_LINE = 16
+MOTORS_A_LINE = 8
+SETTINGS_A_LINE = 12
+TIMEOUT_S = 10.0
+LISTING_TIMEOUT_S = 60.0
+PLC_TIMEOUT_S = 30.0
+"""A program or a table may be long; the longest PLC is listed in a third of that at 9600 baud."""
+
+PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))
+"""The motion programs that are looked for: a card does not tell which numbers it has."""
+
+TABLE_LINES = 32
+"""Lines of the conversion table that are read where the machine alone counts."""
+
+BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")
+"""Of the status of the card: a program is being entered."""
+
+_SYSTEM_SHIFT = 20
+_REFUSED = (ErrorCode.DATA_ERROR,)
+_FORM = re.compile(r"M\d+->")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extent:
+    """How much is read: ranges of I-variables and of M-definitions, motors, numbers of PLCs and programs.
+
+    `tables` are the motors that are asked for a compensation table, None: all of `motors`.
+    Of the table that belongs to motor `unlisted_table` the definition alone is read: entries take seconds.
+    """
+
+    settings: tuple[range, ...]
+    pointers: tuple[range, ...]
+    motors: tuple[int, ...]
+    plcs: tuple[int, ...] = tuple(range(HIGHEST_PLC + 1))
+    programs: tuple[int, ...] = PROGRAM_NUMBERS
+    tables: tuple[int, ...] | None = None
+    unlisted_table: int | None = None
+
+
+def whole_card(dialect: Dialect) -> Extent:
+    """Return everything that the family has."""
+    numbers = (range(dialect.highest_index + 1),)
+    return Extent(settings=numbers, pointers=numbers, motors=tuple(dialect.numbers(Scope.MOTOR)))
+
+
+def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] = ()) -> Extent:
+    """Return what concerns some motors: their settings, those of the card and of coordinate system 1.
+
+    `pointers` are the M-variables whose definitions matter. Axis definitions and Ix00 are those of every motor.
+    """
+    blocks = {0, *motors, dialect.system_index(1, 0) // 100}
+    settings = [range(100 * block, 100 * block + 100) for block in sorted(blocks)]
+    settings += [range(100 * each, 100 * each + 1) for each in dialect.numbers(Scope.MOTOR) if each not in blocks]
+    first = dialect.conversion_table.first_setting
+    if first is not None:
+        settings.append(range(first, first + TABLE_LINES))
+    return Extent(
+        settings=tuple(settings),
+        pointers=tuple(range(index, index + 1) for index in sorted(pointers)),
+        motors=tuple(dialect.numbers(Scope.MOTOR)),
+        programs=(),
+    )
+
+
+def read_configuration(client: PmacClient, dialect: Dialect, extent: Extent) -> Configuration:
+    """Read all that is in `extent`, with PLCs, tables and the conversion table.
+
+    Raises:
+        RefusedError: `controller.entering`, somebody enters a program: questions would become lines of it.
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    refuse_open_buffer(client, dialect)
+    kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
+    listings = _Listings(client)
+    motors = extent.motors
+    return Configuration(
+        family=dialect.name,
+        kind=kind,
+        version=version,
+        settings=read_ranges(client, dialect, extent.settings),
+        axes=dict(_axes(client, dialect, motors)),
+        pointers=dict(_pointers(client, extent.pointers)),
+        plcs=dict(listings.of("PLC", extent.plcs)),
+        programs=dict(listings.of("PROG", extent.programs)),
+        tables=dict(_tables(client, motors if extent.tables is None else extent.tables, extent.unlisted_table)),
+        conversion=_conversion(client, dialect),
+        locked=tuple(listings.locked),
+    )
+
+
+def refuse_open_buffer(client: PmacClient, dialect: Dialect) -> None:
+    """Make sure that nobody enters a program.
+
+    Raises:
+        RefusedError: `controller.entering`.
+        DriverError: the link broke.
+    """
+    where = client.link.address
+    try:
+        status = decode(client.query("???", again=True)[0], dialect.global_bits)
+    except ValueError as error:
+        raise LinkError(Problem(code="link.out_of_step", where=where, key="???", value=str(error))) from error
+    if not status.isdisjoint(BUFFERS_OPEN):
+        raise RefusedError(Problem(code="controller.entering", where=where))
+
+
+def ask_or_none(client: PmacClient, line: str, timeout_s: float = TIMEOUT_S) -> tuple[str, ...] | None:
+    """Return the data of a line that asks, None where the card has nothing of the kind."""
+    try:
+        return client.question(line, timeout_s)
+    except ControllerError as error:
+        if error.error_number in _REFUSED:
+            return None
+        raise
+
+
+def number_in(text: str, where: str) -> float:
+    """Return the number in the report of an I-variable, in whatever form I9 has it answered.
+
+    Raises:
+        LinkError: `link.out_of_step`, it is none.
+    """
+    try:
+        return number_of(text)
+    except ValueError as error:
+        raise LinkError(Problem(code="link.out_of_step", where=where, key="I", value=text[:40])) from error
+
+
+def read_settings(client: PmacClient, numbers: Iterable[int]) -> Mapping[int, float]:
+    """Return some I-variables by number.
+
+    Raises:
+        DriverError: the link broke, or the card has not all of them.
+    """
+    asked, found = list(numbers), {}
+    for start in range(0, len(asked), SETTINGS_A_LINE):
+        part = asked[start : start + SETTINGS_A_LINE]
+        texts = client.query(*(f"I{index}" for index in part), again=True)
+        where = client.link.address
+        found.update({index: number_in(text, where) for index, text in zip(part, texts, strict=True)})
+    return found
+
+
+def read_ranges(client: PmacClient, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
+    """Return I-variables by number; left out are those that the host sets when it connects, and timers.
+
+    Raises:
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    where, left_out = client.link.address, fleeting_settings(dialect)
+    reports = _reports(client, ranges, "I{first}..{last}")
+    return {index: number_in(text, where) for index, text in reports if index not in left_out}
+
+
+def _pointers(client: PmacClient, ranges: Iterable[range]) -> Iterator[tuple[int, str]]:
+    for index, text in _reports(client, ranges, "M{first}..{last}->"):
+        definition = _FORM.sub("", text.strip(), count=1)
+        if definition != "*":
+            yield index, definition
+
+
+def _reports(client: PmacClient, ranges: Iterable[range], form: str) -> Iterator[tuple[int, str]]:
+    """Ask for variables range by range; what the card refuses as not there is left out."""
+    for whole in ranges:
+        for start in range(whole.start, whole.stop, NUMBERS_A_LINE):
+            yield from _part(client, range(start, min(start + NUMBERS_A_LINE, whole.stop)), form)
+
+
+def _part(client: PmacClient, part: range, form: str) -> Iterator[tuple[int, str]]:
+    line = form.format(first=part.start, last=part.stop - 1)
+    texts = ask_or_none(client, line)
+    if texts is not None:
+        yield from zip(part, texts, strict=True)
+    elif len(part) > 1:
+        middle = part.start + len(part) // 2
+        yield from _part(client, range(part.start, middle), form)
+        yield from _part(client, range(middle, part.stop), form)
+
+
+def _axes(client: PmacClient, dialect: Dialect, motors: Sequence[int]) -> Iterator[tuple[int, AxisEntry]]:
+    for start in range(0, len(motors), MOTORS_A_LINE):
+        part = motors[start : start + MOTORS_A_LINE]
+        items = [item for motor in part for item in (f"#{motor}->", f"#{motor}?")]
+        found = client.query(*items, again=True)
+        for motor, text, status in zip(part, found[::2], found[1::2], strict=True):
+            if text.strip() != "0":
+                yield motor, AxisEntry(_system_of(status, dialect, client.link.address), text.strip())
+
+
+def _system_of(status: str, dialect: Dialect, where: str) -> int:
+    """Return the coordinate system in the status of a motor: its number less one is in the second word."""
+    try:
+        assigned = "assigned" in decode(status, dialect.motor_bits)
+        second = int(status[6:12], 16)
+    except ValueError as error:
+        raise LinkError(Problem(code="link.out_of_step", where=where, key="?", value=str(error))) from error
+    return (second >> _SYSTEM_SHIFT) % dialect.system_count + 1 if assigned else 1
+
+
+def _tables(client: PmacClient, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:
+    for motor in motors:
+        definition = ask_or_none(client, f"#{motor}LIST COMP DEF")
+        if not definition:
+            continue
+        listed = () if motor == unlisted else client.question(f"#{motor}LIST COMP", LISTING_TIMEOUT_S)
+        entries = " ".join(listed).split()
+        yield motor, TableEntry(definition[0].strip(), len(entries), digest(entries))
+
+
+def _conversion(client: PmacClient, dialect: Dialect) -> tuple[int, ...]:
+    table = dialect.conversion_table
+    if table.first_setting is not None:
+        return ()
+    words: list[int] = []
+    for line in range(0, table.lines, WORDS_A_LINE):
+        (text,) = client.query(f"RHY:${table.first_address + line:X},{WORDS_A_LINE}", again=True)
+        try:
+            words += [int(word, 16) for word in text.split()]
+        except ValueError as error:
+            where = client.link.address
+            raise LinkError(Problem(code="link.out_of_step", where=where, key="RHY", value=str(error))) from error
+    return tuple(words)
+
+
+class _Listings:
+    """Asks for buffers by number; those behind a password are kept in `locked`."""
+
+    def __init__(self, client: PmacClient) -> None:
+        self.locked: list[str] = []
+        self._client = client
+
+    def of(self, kind: str, numbers: Iterable[int]) -> Iterator[tuple[int, tuple[str, ...]]]:
+        """Return the text of each buffer that has one."""
+        for number in numbers:
+            try:
+                timeout_s = PLC_TIMEOUT_S if kind == "PLC" else LISTING_TIMEOUT_S
+                lines = ask_or_none(self._client, f"LIST {kind}{number}", timeout_s)
+            except ControllerError as error:
+                if error.error_number != ErrorCode.PASSWORD:
+                    raise
+                self.locked.append(f"{kind} {number}")
+                continue
+            if lines:
+                yield number, tuple(line.strip() for line in lines)

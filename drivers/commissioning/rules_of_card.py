@@ -1,0 +1,184 @@
+"""What holds for the card, the coordinate system and what is stored on it, whatever the profile says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers.commissioning.amounts import digits
+from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.judged import Judged, same
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.dialect import Scope, Setting
+from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG, LEASE_TIMER
+from drivers.pmac.settings import servo_cycle_ms
+
+BACKGROUND_PLCS = 0b10
+"""Bit of I5: PLC 1 to 31 may run."""
+
+WATCHDOG_MS = 100.0
+"""In this time a card without a background cycle is to switch itself off."""
+
+_SHOWN = (8, 52)
+
+
+def card_rules(judged: Judged) -> list[Check]:
+    """Return what is to be said of the card, its coordinate system and its buffers."""
+    return [
+        _family(judged),
+        *_clocks(judged),
+        *_permissions(judged),
+        _strange_motors(judged),
+        *_axes(judged),
+        *_system(judged),
+        *_conversion(judged),
+        *_buffers(judged),
+        *_pointers(judged),
+    ]
+
+
+def _family(judged: Judged) -> Check:
+    found, wanted = judged.configuration.family, judged.machine.controller.family
+    told = f"{judged.configuration.kind}, {judged.configuration.version}"
+    outcome = Outcome.HOLDS if found == wanted else Outcome.FAILS
+    return Check(group=Group.CARD, code="family", outcome=outcome, found=told, wanted=wanted)
+
+
+def _clocks(judged: Judged) -> Iterator[Check]:
+    """The servo period and the real-time interrupt, which all times of programs rest on."""
+    cycle_ms, wanted_ms = servo_cycle_ms(judged.value(10) or 0.0), judged.machine.controller.servo_period_ms
+    outcome = Outcome.HOLDS if same(cycle_ms, wanted_ms) else Outcome.FAILS
+    facts = {"period": f"{cycle_ms * 1000.0:.3f} us"}
+    yield judged.told("servo_time", outcome, 10, wanted=f"{wanted_ms * 1000.0:.3f} us", facts=facts)
+    for number in _SHOWN:
+        if judged.value(number) is not None:
+            yield judged.told("shown", Outcome.NOTED, number)
+    watchdog = judged.dialect.watchdog
+    if watchdog.number is not None:
+        cycles = judged.value(watchdog.number) or float(watchdog.count)
+        trip_ms = cycles * cycle_ms
+        outcome = Outcome.HOLDS if trip_ms <= WATCHDOG_MS * 1.01 else Outcome.WARNED
+        wanted = f"{WATCHDOG_MS / cycle_ms:.0f}"
+        yield judged.told(
+            "watchdog", outcome, watchdog.number, wanted=wanted, facts={"time": f"{digits(trip_ms)} ms"}
+        )
+
+
+def _permissions(judged: Judged) -> Iterator[Check]:
+    plcs = int(judged.value(5) or 0.0) & BACKGROUND_PLCS
+    yield judged.told("plcs", Outcome.HOLDS if plcs else Outcome.WARNED, 5, wanted="2, 3")
+    compensated = judged.value(51) or 0.0
+    yield judged.told("compensation", Outcome.FAILS if compensated else Outcome.HOLDS, 51, wanted="0")
+    if judged.value(15):
+        yield judged.told("radians", Outcome.FAILS, 15, wanted="0")
+    index = judged.dialect.index(Setting.SEGMENT_MS, 1)
+    segmented = judged.value(index) or 0.0
+    yield judged.told("segments", Outcome.FAILS if segmented else Outcome.HOLDS, index, wanted="0 ms")
+
+
+def _strange_motors(judged: Judged) -> Check:
+    ours = {axis.motor for axis in judged.axes}
+    others = [motor for motor in judged.dialect.numbers(Scope.MOTOR) if motor not in ours]
+    names = [
+        f"I{judged.dialect.motor_index(m, 0)}" for m in others if judged.value(judged.dialect.motor_index(m, 0))
+    ]
+    outcome = Outcome.FAILS if names else Outcome.HOLDS
+    return Check(
+        group=Group.CARD, code="strange_motors", outcome=outcome, found=", ".join(names) or "0", wanted="0"
+    )
+
+
+def _axes(judged: Judged) -> Iterator[Check]:
+    wanted = {each.motor: str(each) for each in read_definitions(judged.machine.controller.axis_definitions)}
+    found = {motor: axis.text for motor, axis in judged.configuration.axes.items() if axis.system == 1}
+    elsewhere = {motor: axis for motor, axis in judged.configuration.axes.items() if axis.system != 1}
+    for motor in sorted(wanted.keys() | found.keys() | elsewhere.keys()):
+        is_there, is_wanted = found.get(motor, "0"), wanted.get(motor, "0")
+        if motor in elsewhere:
+            is_there = f"&{elsewhere[motor].system} {elsewhere[motor].text}"
+        outcome = Outcome.HOLDS if is_there == is_wanted else Outcome.FAILS
+        variable = f"#{motor}->"
+        yield Check(
+            group=Group.SYSTEM, code="axis", outcome=outcome, variable=variable, found=is_there, wanted=is_wanted
+        )
+
+
+def _system(judged: Judged) -> Iterator[Check]:
+    index = judged.dialect.system_index(1, 92)
+    if judged.of_system(92):
+        yield judged.told("blending_off", Outcome.FAILS, index, wanted="0")
+    source = judged.dialect.system_index(1, 93)
+    table = judged.dialect.conversion_table
+    line = int(judged.of_system(93)) - table.first_address
+    led = 0 <= line < table.lines
+    yield judged.told("led_by_master" if led else "own_time", Outcome.FAILS if led else Outcome.HOLDS, source)
+    activation = judged.dialect.system_activation
+    if activation is not None:
+        yield judged.told("timers_run", Outcome.HOLDS, activation)
+
+
+def _conversion(judged: Judged) -> Iterator[Check]:
+    """Tell whether the motors of the machine have their own encoders, converted as they leave the factory."""
+    table = judged.dialect.conversion_table
+    first = table.first_setting
+    for axis in judged.axes:
+        line = axis.motor - 1
+        if line >= len(table.channels):
+            continue
+        if first is None:
+            words = judged.configuration.conversion
+            word, where = (words[line] if line < len(words) else 0), f"Y:${table.first_address + line:X}"
+        else:
+            word, where = int(judged.value(first + line) or 0.0), f"I{first + line}"
+        outcome = Outcome.HOLDS if word == table.channels[line] else Outcome.WARNED
+        yield Check(
+            group=axis.group,
+            code="encoder",
+            outcome=outcome,
+            subject=axis.name,
+            variable=where,
+            found=f"${word:X}",
+            wanted=f"${table.channels[line]:X}",
+        )
+
+
+def _buffers(judged: Judged) -> Iterator[Check]:
+    configuration = judged.configuration
+    foreign = [f"PLC {number}" for number in sorted(configuration.plcs) if number != HEARTBEAT_PLC]
+    foreign += list(configuration.locked)
+    outcome = Outcome.WARNED if foreign else Outcome.HOLDS
+    yield Check(group=Group.PROGRAMS, code="plc_texts", outcome=outcome, found=", ".join(foreign) or "-")
+    there = HEARTBEAT_PLC in configuration.plcs
+    yield Check(
+        group=Group.PROGRAMS,
+        code="heartbeat_there" if there else "heartbeat_missing",
+        outcome=Outcome.NOTED,
+        found=f"PLC {HEARTBEAT_PLC}",
+    )
+    for motor, table in sorted(configuration.tables.items()):
+        found = f"{table.definition}, {table.entry_count}, sha256 {table.sha256[:12]}"
+        yield Check(
+            group=Group.PROGRAMS, code="table", outcome=Outcome.NOTED, subject=f"motor {motor}", found=found
+        )
+
+
+def _pointers(judged: Judged) -> Iterator[Check]:
+    """The flag that ends a cut is a plain value, and the lease counts down or is not set up yet."""
+    pointers, dialect = judged.configuration.pointers, judged.dialect
+    flag = pointers.get(HOLD_FLAG)
+    outcome = Outcome.HOLDS if flag is None else Outcome.FAILS
+    name = f"M{HOLD_FLAG}->"
+    yield Check(
+        group=Group.PROGRAMS, code="hold_flag", outcome=outcome, variable=name, found=flag or "*", wanted="*"
+    )
+    timer = pointers.get(LEASE_TIMER)
+    timers = [f"{space}:${address:X}" for space, address in dialect.timer_words]
+    if timer is not None and timers and not any(timer.startswith(f"{word},") for word in timers):
+        name, wanted = f"M{LEASE_TIMER}->", ", ".join(timers)
+        yield Check(
+            group=Group.PROGRAMS,
+            code="lease_timer",
+            outcome=Outcome.WARNED,
+            variable=name,
+            found=timer,
+            wanted=wanted,
+        )

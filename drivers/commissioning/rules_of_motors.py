@@ -1,0 +1,165 @@
+"""What holds for the motors of any such machine, whatever its profile says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from drivers.commissioning.amounts import DAC_BITS, digits, length
+from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.judged import Judged, JudgedAxis
+from drivers.commissioning.setting_names import GAIN_NUMBERS
+from drivers.pmac.dialect import Setting
+from drivers.pmac.settings import PARTS_PER_COUNT
+
+NEVER_ZERO = (11, 12, 15, 16, 17, 19, 22, 28, 69)
+"""Ixnn of which a 0 is no limit, no motion or no force at all."""
+
+LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ = 27.5, 50.0
+"""The fastest lobe that the tool is made for: half of 55 um, three times a turn at 1000 rpm."""
+
+LEAST_PROGRAM_SPEED = 200.0
+"""counts/ms, of tool and spindle: what a segment of the programs needs without being stretched."""
+
+LEAST_FATAL_ERROR_UM = 50.0
+
+TRAVEL_SWITCHES_OFF, FAULT_INPUT_OFF, KILL_MODE = 1 << 17, 1 << 20, 0b11 << 21
+"""Bits of the flag setting; a kill mode of 00 kills every motor of the card."""
+
+CLOSES_AT_POWER_UP = 1
+"""Bit of Ix80."""
+
+_SHOWN_NUMBERS = (2, 3, 4, 10, 24, 25, *GAIN_NUMBERS, 63, 67, *range(70, 84))
+
+
+def motor_rules(judged: Judged) -> list[Check]:
+    """Return what is to be said of each axis."""
+    checks: list[Check] = []
+    for axis in judged.driven_axes:
+        checks += _no_limit(judged, axis)
+        checks += _errors(judged, axis)
+        checks += _travel(judged, axis)
+        checks += _speeds(judged, axis)
+        checks += _flags(judged, axis)
+        checks += _power(judged, axis)
+    checks += _tool(judged)
+    for axis in judged.axes:
+        checks += _not_stated(judged, axis)
+    return checks
+
+
+def _index(judged: Judged, axis: JudgedAxis, number: int) -> int:
+    return judged.dialect.motor_index(axis.motor, number)
+
+
+def _no_limit(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+    for number in NEVER_ZERO:
+        if judged.of_motor(axis, number) <= 0.0:
+            yield judged.told("no_limit", Outcome.FAILS, _index(judged, axis, number), wanted="> 0")
+
+
+def _errors(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+    fatal, warning = judged.of_motor(axis, 11), judged.of_motor(axis, 12)
+    if 0.0 < fatal <= warning:
+        wanted = f"< {digits(fatal)} /16 counts"
+        yield judged.told("warning_late", Outcome.WARNED, _index(judged, axis, 12), wanted=wanted)
+    least = LEAST_FATAL_ERROR_UM / judged.machine.tool.count_um
+    if axis.name == "tool" and 0.0 < fatal < least * PARTS_PER_COUNT:
+        wanted = f">= {digits(least * PARTS_PER_COUNT)} /16 counts ({digits(LEAST_FATAL_ERROR_UM / 1000.0)} mm)"
+        yield judged.told("trips_early", Outcome.WARNED, _index(judged, axis, 11), wanted=wanted)
+    if judged.of_motor(axis, 6) != 0.0:
+        yield judged.told("following_on", Outcome.FAILS, _index(judged, axis, 6), wanted="0")
+
+
+def _travel(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+    high, low = judged.of_motor(axis, 13), judged.of_motor(axis, 14)
+    if axis.name == "spindle":
+        if not high and not low:
+            yield judged.told("turns_freely", Outcome.NOTED, _index(judged, axis, 13))
+        return
+    part = judged.machine.tool if axis.name == "tool" else judged.machine.carriage
+    ends = (part.travel_min_mm * part.counts_per_mm, part.travel_max_mm * part.counts_per_mm)
+    for number, value, end, beyond in ((13, high, ends[1], high > ends[1]), (14, low, ends[0], low < ends[0])):
+        sign = "<=" if number == 13 else ">="
+        wanted = f"{sign} {digits(end)} counts ({length(end, axis.motor, judged.machine)})"
+        if value == 0.0:
+            yield judged.told("no_limit", Outcome.FAILS, _index(judged, axis, number), wanted=wanted)
+        elif beyond:
+            yield judged.told("beyond_travel", Outcome.FAILS, _index(judged, axis, number), wanted=wanted)
+
+
+def _speeds(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+    program_speed = judged.of_motor(axis, 16)
+    if axis.name != "carriage" and 0.0 < program_speed < LEAST_PROGRAM_SPEED:
+        facts = {"rpm": digits(program_speed * 60_000.0 / judged.machine.spindle.counts_per_rev)}
+        code = "slow_spindle" if axis.name == "spindle" else "slow_tool"
+        wanted = f">= {digits(LEAST_PROGRAM_SPEED)} counts/ms"
+        yield judged.told(code, Outcome.FAILS, _index(judged, axis, 16), wanted=wanted, facts=facts)
+    if judged.of_motor(axis, 20) <= 0.0 and judged.of_motor(axis, 21) <= 0.0:
+        yield judged.told("divides_by_zero", Outcome.FAILS, _index(judged, axis, 20), wanted="> 0 ms")
+    if judged.of_motor(axis, 23) == 0.0:
+        yield judged.told("never_homes", Outcome.FAILS, _index(judged, axis, 23), wanted="≠ 0 counts/ms")
+
+
+def _flags(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+    index = judged.dialect.index(Setting.FLAG_MODE, axis.motor)
+    flags = int(judged.value(index) or 0.0)
+    if not flags & KILL_MODE:
+        yield judged.told("kills_all", Outcome.WARNED, index)
+    if flags & TRAVEL_SWITCHES_OFF and axis.name != "spindle":
+        yield judged.told("switches_off", Outcome.WARNED, index)
+    if flags & FAULT_INPUT_OFF:
+        yield judged.told("fault_input_off", Outcome.WARNED, index)
+
+
+def _power(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+    if int(judged.of_motor(axis, 80)) & CLOSES_AT_POWER_UP:
+        yield judged.told("closes_at_power_up", Outcome.FAILS, _index(judged, axis, 80), wanted="0")
+    commutates = judged.of_motor(axis, 1) != 0.0
+    code = "commutates" if commutates else "amplifier_commutates"
+    yield judged.told(code, Outcome.NOTED, _index(judged, axis, 1))
+    if judged.of_motor(axis, 63) == 0.0 and judged.of_motor(axis, 33) != 0.0:
+        yield judged.told("integrator_off", Outcome.WARNED, _index(judged, axis, 63), wanted="> 0")
+    output = judged.of_motor(axis, 2)
+    others = [other for other in judged.driven_axes if other.motor < axis.motor]
+    if output and any(judged.of_motor(other, 2) == output for other in others):
+        yield judged.told("shared_output", Outcome.FAILS, _index(judged, axis, 2))
+
+
+def _tool(judged: Judged) -> Iterator[Check]:
+    """What the lobe, the thrust and the current of the tool ask for."""
+    axis, tool = judged.axes[0], judged.machine.tool
+    radians_per_ms = math.tau * LOBE_FREQUENCY_HZ / 1000.0
+    needed = LOBE_AMPLITUDE_UM / tool.count_um * radians_per_ms**2
+    thrust = tool.peak_force_n / tool.moving_mass_kg * tool.counts_per_mm / 1000.0
+    for number, least in ((15, needed), (17, 0.0)):
+        rate = judged.of_motor(axis, number)
+        if 0.0 < rate < least:
+            wanted = f">= {digits(least)} counts/ms2"
+            yield judged.told("soft_abort", Outcome.FAILS, _index(judged, axis, number), wanted=wanted)
+        if rate > thrust:
+            wanted = f"<= {digits(thrust)} counts/ms2"
+            yield judged.told("beyond_thrust", Outcome.WARNED, _index(judged, axis, number), wanted=wanted)
+    most = tool.peak_current_a / tool.amplifier_gain_a_per_v / tool.dac_full_scale_v * DAC_BITS
+    if judged.of_motor(axis, 69) > most:
+        wanted = f"<= {math.floor(most)} bits ({digits(tool.peak_current_a)} A)"
+        yield judged.told("too_much_current", Outcome.FAILS, _index(judged, axis, 69), wanted=wanted)
+
+
+def _not_stated(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
+    """Tell what the profile leaves open: addresses, flags, limits of the filter, commutation. Never written."""
+    found = []
+    for number in _SHOWN_NUMBERS:
+        index = _index(judged, axis, number)
+        value = judged.value(index)
+        if index not in judged.wanted and value:
+            told = judged.told("shown", Outcome.NOTED, index)
+            found.append(f"{told.variable} = {told.found}")
+    if found:
+        yield Check(
+            group=axis.group,
+            code="not_stated",
+            outcome=Outcome.NOTED,
+            subject=axis.name,
+            found=", ".join(found),
+        )

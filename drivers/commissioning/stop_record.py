@@ -1,0 +1,110 @@
+"""How a machine was seen to stop: measured on it, once for its settings. `stop_record_check` says who believes it.
+
+For the controller a cut cable and a host that was killed (SIGKILL) are what the loss of the lease is: the host
+falls silent. So there are three ways to stop: control-A, control-K, and silence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+from enum import StrEnum
+
+from drivers.commissioning.configuration import digest
+from drivers.commissioning.reading import read_ranges
+from drivers.link.base import StopWay
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.heartbeat.lease import SERVO_PERIOD
+from profiles.machine import MachineProfile
+
+MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)
+"""Ix15 to Ix25, what stops and ramps a motor and what its flags do; Ix30 to Ix35, its gains."""
+
+OUTPUT_SETTINGS = range(68, 70)
+"""Ix68 and Ix69: with what force it may brake."""
+
+
+class Way(StrEnum):
+    """How the machine is stopped."""
+
+    ABORT = "abort"
+    """Control-A: every loop stays closed."""
+
+    KILL = "kill"
+    """Control-K: every loop is opened, the spindle runs out."""
+
+    LEASE = "lease"
+    """The host falls silent, and the controller ends by itself what moves."""
+
+
+class Origin(StrEnum):
+    """Out of which motion."""
+
+    JOG = "jog"
+    CUT = "cut"
+    """In air, at full speed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopEntry:
+    """How far one axis went, and for how long, from the last word of the host to rest.
+
+    A linear axis has its way in mm and its speed in mm/s, the spindle in deg and rpm; the others are None.
+    """
+
+    way: Way
+    origin: Origin
+    axis: str
+    time_s: float
+    distance_mm: float | None = None
+    distance_deg: float | None = None
+    speed_mm_per_s: float | None = None
+    speed_rpm: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopRecord:
+    """The entries of one machine. `kind` and `version` are its controller's; `key` is `stop_key` of its settings.
+
+    `address` is the link that it was measured over, and `stop_way` what the stops went through.
+    """
+
+    machine: str
+    kind: str
+    version: str
+    key: str
+    measured_at: date
+    address: str
+    stop_way: StopWay
+    entries: tuple[StopEntry, ...]
+
+
+def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
+    """Return what a complete record has.
+
+    A spindle on an inverter is never closed, so that control-A is no stop of such a machine, and it is switched
+    off at the lathe.
+    """
+    followed = machine.spindle.followed
+    ways = (Way.KILL, Way.LEASE) if followed else tuple(Way)
+    axes = ("tool", "carriage") if followed else ("tool", "spindle", "carriage")
+    return frozenset((way, origin, axis) for way in ways for origin in Origin for axis in axes)
+
+
+def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> str:
+    """Read what decides how the machine stops, and return its hash.
+
+    Raises:
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    kind, version = client.query("TYPE", "VERSION", again=True)
+    blocks = [
+        range(dialect.motor_index(motor, part.start), dialect.motor_index(motor, part.stop))
+        for motor in (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+        for part in (MOTION_SETTINGS, FILTER_SETTINGS, OUTPUT_SETTINGS)
+    ]
+    settings = read_ranges(client, dialect, [range(SERVO_PERIOD, SERVO_PERIOD + 1), *blocks])
+    lines = [f"I{index}={value!r}" for index, value in sorted(settings.items())]
+    lines.append(f"{machine.heartbeat.policy} {machine.heartbeat.grace_ms!r}")
+    return digest([machine.name, kind.strip(), version.strip(), *lines])

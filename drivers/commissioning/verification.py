@@ -1,0 +1,131 @@
+"""Everything that is verified before the first motion, in one go. Nothing is written and nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from drivers.commissioning.card_state import CardState, read_state, state_checks
+from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.comparison import stated_settings
+from drivers.commissioning.configuration import Configuration
+from drivers.commissioning.gains import gain_checks
+from drivers.commissioning.judged import Judged
+from drivers.commissioning.reading import number_in, of_motors, read_configuration
+from drivers.commissioning.rules_of_card import card_rules
+from drivers.commissioning.rules_of_motors import motor_rules
+from drivers.commissioning.stops import overruns
+from drivers.errors import DriverError
+from drivers.lathe.safety import FORM, NOT_FITTED, WIRED, inputs_of
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.reserved import HOLD_FLAG, LEASE_TIMER
+from profiles.machine import MachineProfile, Safety, is_signature
+
+
+def safety_checks(client: PmacClient, safety: Safety) -> list[Check]:
+    """Return one line for each device, and one for each that the card sees. Only those are asked for.
+
+    Raises:
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    return [*_fitted(safety), *_seen(client, safety)]
+
+
+def _fitted(safety: Safety) -> Iterator[Check]:
+    for device, fitted in safety.devices.items():
+        if fitted == WIRED:
+            yield _check("device_wired", Outcome.HOLDS, device)
+        elif fitted == NOT_FITTED and is_signature(safety.signed_by):
+            yield _check("device_signed", Outcome.NOTED, device, safety.signed_by)
+        elif fitted == NOT_FITTED:
+            yield _check("device_unsigned", Outcome.FAILS, device)
+        else:
+            yield _check("device_unknown", Outcome.FAILS, device, fitted, f"{WIRED} | {NOT_FITTED}")
+
+
+def _seen(client: PmacClient, safety: Safety) -> Iterator[Check]:
+    try:
+        inputs = inputs_of(safety)
+    except DriverError as error:
+        for problem in error.problems:
+            yield _check("input_unreadable", Outcome.FAILS, "", problem.value, FORM)
+        return
+    items = list(dict.fromkeys(each.item for each in inputs))
+    found = client.query(*items, again=True) if items else ()
+    words = {item: int(number_in(text, client.link.address)) for item, text in zip(items, found, strict=True)}
+    for each in inputs:
+        good = each.is_good(words[each.item])
+        outcome = Outcome.HOLDS if good else Outcome.FAILS
+        yield _check("input", outcome, each.device, str(words[each.item] >> each.bit & 1), str(each.good))
+
+
+def _check(code: str, outcome: Outcome, device: str, found: str = "", wanted: str = "") -> Check:
+    return Check(group=Group.SAFETY, code=code, outcome=outcome, subject=device, found=found, wanted=wanted)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verification:
+    """What was found, and the checks of it, in the order in which they are told."""
+
+    judged: Judged
+    state: CardState
+    checks: tuple[Check, ...]
+
+
+def verify(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> Verification:
+    """Read what concerns the machine, and judge it.
+
+    Raises:
+        RefusedError: `controller.entering`.
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    configuration = read_of_machine(client, machine, dialect)
+    judged = Judged(configuration=configuration, machine=machine)
+    state = read_state(client, dialect)
+    checks = [*checks_of(judged), *state_checks(state, judged), *safety_checks(client, machine.safety)]
+    return Verification(judged=judged, state=state, checks=in_order(checks))
+
+
+def read_of_machine(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> Configuration:
+    """Read what concerns a machine, for its checks.
+
+    Raises:
+        RefusedError: `controller.entering`.
+        DriverError: the link broke, or the card answers something that is not asked for.
+    """
+    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+    return read_configuration(client, dialect, of_motors(dialect, motors, (HOLD_FLAG, LEASE_TIMER)))
+
+
+def checks_of(judged: Judged) -> list[Check]:
+    """Return every check of a configuration alone: of one that was read, or of a backup."""
+    rules = [*card_rules(judged), *motor_rules(judged)]
+    return [
+        *_once(stated_settings(judged), rules),
+        *gain_checks(judged),
+        *overruns(judged),
+    ]
+
+
+def _once(stated: list[Check], rules: list[Check]) -> list[Check]:
+    """Return all of them, a setting that a rule finds wrong, too, once: in the words of the rule."""
+    wrong = {check.variable: check for check in stated if check.outcome is Outcome.FAILS}
+    told = [check for check in rules if _speaks_for(check) and check.variable in wrong]
+    names = {check.variable for check in told}
+    return [
+        *(check for check in stated if check.variable not in names),
+        *(check for check in rules if check not in told),
+        *(replace(check, outcome=Outcome.FAILS, wanted=wrong[check.variable].wanted) for check in told),
+    ]
+
+
+def _speaks_for(check: Check) -> bool:
+    """Whether the sentence of a rule says all that is to be said of its setting."""
+    return bool(check.wanted) and check.outcome in (Outcome.FAILS, Outcome.WARNED)
+
+
+def in_order(checks: Iterable[Check]) -> tuple[Check, ...]:
+    """Return checks by their groups; within a group they stay as they are."""
+    groups = list(Group)
+    return tuple(sorted(checks, key=lambda check: groups.index(check.group)))

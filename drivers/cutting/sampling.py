@@ -1,0 +1,219 @@
+"""What the tool really does while it cuts, in batches: gathered at servo rate, fetched between two looks.
+
+Tool and spindle of a batch are of the same servo cycles, so that an angle belongs to each place of the tool; looks
+at the machine are not that exact. A batch is fetched in pieces so short that the lease is never kept waiting.
+Nothing here moves anything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.clock import Clock
+from drivers.cutting.plan import CutPlan
+from drivers.errors import ControllerError, DriverError, LinkTimeoutError
+from drivers.lathe.snapshot import Snapshot
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
+from drivers.pmac.gathering.gathered_data import GatheredData
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+Floats = NDArray[np.float64]
+_Result = TypeVar("_Result")
+
+PIECE_LONG_WORDS = 24
+"""Fetched between two looks at most: 80 ms of a serial line with 38 400 baud, and a lease has 300."""
+
+LOOK_OF_PIECE_S = 0.06
+"""How long a look may take for whole pieces; they are shorter on a line that takes longer for its looks."""
+
+LEAST_PIECE_LONG_WORDS = 4
+
+ANSWER_S = 0.17
+"""How long an answer is waited for while a lease is kept, as for a look."""
+
+MOST_LOST = 3
+"""Batches in a row that may be lost on the line."""
+
+MARGIN_S = 0.05
+"""How much longer than its samples a batch is waited for."""
+
+LEAST_SAMPLES_A_WAVE = 12
+"""Of the lobe, in a batch; the overtones have their share of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """A stretch of a cut: spindle angles in deg, infeed of the tip from the surface in um; shape (M,).
+
+    `past_middle_mm` is about where the carriage was, from the middle of the cut towards the jaws.
+    """
+
+    angle_deg: Floats
+    infeed_um: Floats
+    past_middle_mm: float
+
+
+class BatchGather:
+    """Gathers one batch of a cut after another; `take` is given each when it was fetched, between two looks."""
+
+    def __init__(
+        self, client: PmacClient, machine: MachineProfile, clock: Clock, round_trip: Callable[[], float]
+    ) -> None:
+        """`round_trip` is how long the last look took, s."""
+        self._client, self._machine, self._clock, self._round_trip = client, machine, clock, round_trip
+        self._gathering = DataGathering(client=client, dialect=DIALECTS[machine.controller.family])
+        self._quick = replace(self._gathering, timeout_s=ANSWER_S)
+        self._lost = 0
+        self._names = (f"#{machine.tool.motor} actual", f"#{machine.spindle.motor} actual")
+        self._state: _Idle | _Running | _Fetching = _Idle()
+        self._plan: GatherPlan | None = None
+        self._cut: CutPlan | None = None
+        self._take: Callable[[Batch], None] = lambda _: None
+
+    def prepare(self, cut: CutPlan, lobes: int, seconds: float, take: Callable[[Batch], None]) -> None:
+        """Set the card up, at rest and behind the load of the program: a table that is defined deletes buffers.
+
+        Raises:
+            DriverError: `gather.failed`, the card does not gather what it must; the link broke.
+        """
+        cycle_s = self._machine.controller.servo_period_ms / 1000.0
+        wave_s = 60.0 / (lobes * cut.spindle_speed_rpm)
+        period = max(1, math.floor(wave_s / (LEAST_SAMPLES_A_WAVE * cycle_s)))
+        self._cut, self._take, self._state = cut, take, _Idle()
+        self._plan = self._tried(
+            lambda: self._gathering.prepare(
+                self._gathering.motor_channels(*self._names), math.ceil(seconds / (period * cycle_s)), period
+            )
+        )
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take in a look at the machine: begin, end or fetch, one request at most that takes any time.
+
+        A batch that is lost on the line is given up for the next one.
+
+        Raises:
+            DriverError: `gather.failed`; the link broke.
+        """
+        if self._plan is None or self._cut is None:
+            return
+        try:
+            self._state = self._tried(lambda: self._next(snapshot))
+        except LinkTimeoutError:
+            self._lost += 1
+            if self._lost >= MOST_LOST:
+                raise self._failed(f"{self._lost} batches in a row were lost on the line") from None
+            self._state = _Idle()
+
+    def finish(self) -> None:
+        """Fetch the rest of a batch that is under way, once the machine rests and nothing waits.
+
+        Raises:
+            DriverError: `gather.failed`; the link broke.
+        """
+        while isinstance(self._state, _Fetching):
+            self._state = self._tried(self._fetch_on)
+
+    def _fetch_on(self) -> _Idle | _Fetching:
+        assert self._plan is not None and isinstance(self._state, _Fetching)
+        return self._fetched(self._plan, self._state)
+
+    def _next(self, snapshot: Snapshot) -> _Idle | _Running | _Fetching:
+        plan, state = self._plan, self._state
+        assert plan is not None  # `see` is nothing before `prepare`
+        if isinstance(state, _Fetching):
+            return self._fetched(plan, state)
+        if isinstance(state, _Idle):
+            if not self._in_path(snapshot):
+                return state
+            if self._lost:
+                self._quick.stop()  # whether the one that was lost goes on is not known
+            self._quick.start(plan)
+            until_s = self._clock.now_s() + plan.duration_ms / 1000.0 + MARGIN_S
+            return _Running(until_s=until_s, from_counts=snapshot.carriage.position)
+        if not self._in_path(snapshot):
+            self._quick.stop()  # the end of the cut is in this batch: nothing of it is used
+            return _Idle()
+        if self._clock.now_s() < state.until_s:
+            return state
+        self._quick.stop()
+        return _Fetching(middle_counts=0.5 * (state.from_counts + snapshot.carriage.position))
+
+    def _fetched(self, plan: GatherPlan, state: _Fetching) -> _Idle | _Fetching:
+        if state.complete:
+            return self._taken(plan, state)
+        # On a slow line the look itself takes of the lease, so the share of a piece goes with its square.
+        share = min(1.0, LOOK_OF_PIECE_S / max(self._round_trip(), LOOK_OF_PIECE_S)) ** 2
+        piece = max(LEAST_PIECE_LONG_WORDS, math.floor(share * PIECE_LONG_WORDS))
+        count = min(piece, plan.long_words - state.words)
+        part = self._client.request(f"LIST GATHER {state.words},{count}", ANSWER_S)
+        found = sum(len(line.split()) for line in part)
+        words = state.words + found
+        complete = found < count or words >= plan.long_words
+        return replace(state, lines=(*state.lines, *part), words=words, complete=complete)
+
+    def _taken(self, plan: GatherPlan, state: _Fetching) -> _Idle:
+        """Give the batch on, once the card has said that nobody has set up something else meanwhile."""
+        if not self._quick.set_up_as(plan):
+            raise GatherError("somebody else sets up gathering")
+        self._lost = 0
+        data = GatheredData.from_listing(state.lines, plan.channels, plan.period_cycles, plan.cycle_ms)
+        self._take(self._batch(data, state.middle_counts))
+        return _Idle()
+
+    def _batch(self, data: GatheredData, middle_counts: float) -> Batch:
+        machine, cut = self._machine, self._cut
+        assert cut is not None  # `see` is nothing before `prepare`
+        tool, spindle = (data.values[name] for name in self._names)
+        return Batch(
+            angle_deg=spindle / machine.spindle.counts_per_rev * 360.0,
+            infeed_um=(tool - cut.setup.surface) * machine.tool.count_um,
+            past_middle_mm=(middle_counts - cut.setup.carriage_middle) / machine.carriage.counts_per_mm,
+        )
+
+    def _in_path(self, snapshot: Snapshot) -> bool:
+        """Whether the tool is on its path: in its depth, and the carriage feeds towards the end of the cut."""
+        cut = self._cut
+        assert cut is not None  # `see` is nothing before `prepare`
+        setup = cut.setup
+        gone = snapshot.carriage.position - cut.carriage_start
+        fed = setup.carriage_per_turn < gone < setup.carriage_counts - setup.carriage_per_turn
+        return snapshot.program_running and fed and snapshot.tool.position > setup.surface
+
+    def _tried(self, work: Callable[[], _Result]) -> _Result:
+        """Do something with the gathering; a card that refuses it has failed to gather."""
+        try:
+            return work()
+        except (GatherError, ControllerError) as error:
+            raise self._failed(str(error)) from error
+
+    def _failed(self, why: str) -> DriverError:
+        return DriverError(Problem(code="gather.failed", where=self._client.link.address, value=why))
+
+
+@dataclass(frozen=True, slots=True)
+class _Idle:
+    """Nothing is gathered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Running:
+    until_s: float
+    from_counts: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fetching:
+    middle_counts: float
+    lines: tuple[str, ...] = field(default=())
+    words: int = 0
+    complete: bool = False

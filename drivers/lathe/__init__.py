@@ -1,0 +1,1 @@
+"""The machine as the console sees it: axes by name, in mm, degrees and rpm."""

@@ -1,0 +1,121 @@
+"""Sending what moves, energises or writes: once, by the owner of the machine, and never past a stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.errors import LinkError, RefusedError
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.polling import Looks
+from drivers.lathe.safety import device_problems
+from drivers.lathe.stop import StopPath
+from drivers.pmac.client import PmacClient
+from profiles.problem import Problem
+
+IN_PART = "link.line_in_part"
+"""Code of a line that was not received as it was sent, and of which something was carried out."""
+
+UNBROUGHT = frozenset(("link.line_differs", "link.line_unproven"))
+"""Codes of a line that the controller has not received as it was sent, and that was not carried out."""
+
+
+class Sending:
+    """The way of every order to the controller. `has_moved` says whether anything that moves was ever sent."""
+
+    def __init__(
+        self,
+        client: PmacClient,
+        stop: StopPath,
+        looks: Looks,
+        ownership: Ownership | None,
+        forgo: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`forgo` is told that a line was not carried out: no lease of it is kept."""
+        self.has_moved, self._forgo = False, forgo
+        self._client, self._stop, self._looks, self._ownership = client, stop, looks, ownership
+
+    def refuse_unless_owner(self) -> None:
+        """Make sure that this console may command the machine.
+
+        Raises:
+            RefusedError: `owner.held`, `owner.observer`.
+        """
+        if self._ownership is not None:
+            self._ownership.refuse_unless_owner()
+
+    def refuse_unsafe(self) -> None:
+        """Look at the safety devices that the controller sees, where it sees any.
+
+        Raises:
+            RefusedError: `safety.not_good`, with each that is not as it must be.
+            DriverError: the link broke.
+        """
+        if not self._looks.sees_devices:
+            return
+        problems = device_problems(self._looks.look().inputs)
+        if problems:
+            raise RefusedError(*problems)
+
+    def move(self, line: str, leased: Callable[[str], str] | None = None) -> None:
+        """Send a line that moves something, to axes that are under control: it must not close an open loop.
+
+        `leased` puts a lease in front of it, once nothing stands in its way.
+
+        Raises:
+            RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
+        """
+        if not self._looks.loops_closed and not self._looks.look().loops_closed:
+            raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
+        self.once(line, leased)
+
+    def once(self, line: str, leased: Callable[[str], str] | None = None) -> None:
+        """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
+
+        Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
+        What comes before the line has left keeps it here: the way back in step, and whatever `leased` asks the
+        card, take their time.
+
+        Raises:
+            StoppedError: before or behind it.
+            RefusedError: `machine.hands_in`, and those of `refuse_unless_owner` and `refuse_unsafe`; nothing was
+                sent. `link.line_differs`, `link.line_unproven`: nothing was carried out.
+            LinkError: the link broke; `link.line_in_part`.
+        """
+        self._refuse_now()
+        self.refuse_unsafe()
+        if leased is not None:
+            line = leased(line)  # it tells whose the machine is now, too
+        self.has_moved = True
+        try:
+            self._client.send(line, check=self._refuse_now, moves=True)
+            if self._stop.reason is not None:
+                self._stop.repeat()
+            self._client.reply(line)
+        except RefusedError as refused:
+            self._forgo()
+            self._refuse_stirred(line, refused)
+            raise
+        except LinkError as error:
+            if error.problems[0].code == IN_PART:
+                self._stop.stop(IN_PART)
+            self._looks.in_doubt()
+            raise
+        if self._stop.reason is not None:
+            self._stop.repeat()
+        self._stop.check()
+
+    def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
+        """Stop if anything moves behind a line that was not carried out: a character of it acted by itself.
+
+        Raises:
+            LinkError: `link.line_in_part`; or the link broke.
+        """
+        if refused.problems[0].code in UNBROUGHT and self._looks.look().moving:
+            self._stop.stop(IN_PART)
+            raise LinkError(Problem(code=IN_PART, where=self._client.link.address, key=line))
+
+    def _refuse_now(self) -> None:
+        self._stop.check()
+        self.refuse_unless_owner()
+        if self._stop.hands_in:
+            raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))

@@ -1,0 +1,156 @@
+"""What each poll of a machine in motion is judged by: whether it still does what it was told to do, and only that.
+
+Pure: a snapshot goes in, problems come out. Whoever waits for the motion stops the machine for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Set
+from dataclasses import dataclass
+
+from drivers.lathe.lengths import Lengths
+from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
+from profiles.problem import Problem
+
+Guard = Callable[[Snapshot], tuple[Problem, ...]]
+"""Returns what is wrong with a motion in progress; one guard belongs to one motion."""
+
+STALLED_S = 1.0
+"""A program that runs and moves nothing for so long is held by somebody: the longest DWELL of a cut is half of it,
+and a program that waits for its spindle sees that turn."""
+
+STIRRED_COUNTS = 2.0
+"""An axis that moves by less stands."""
+
+OVERRIDE_BAND_PERCENT = 0.5
+
+OTHERS_COUNTS = 50.0
+"""An axis that nobody moves may be seen so far off: position and following error are not read at one instant."""
+
+
+def unguarded(_: Snapshot) -> tuple[Problem, ...]:
+    """Find nothing: for a motion of which nothing more is known than that it ends."""
+    return ()
+
+
+def reset_problem(before: frozenset[AxisName], snapshot: Snapshot) -> Problem | None:
+    """Return that positions were lost: `before` are the axes that had found their zero and nobody homes now.
+
+    A controller that was reset (`$$$`) has lost all of them, and its loops are open.
+    """
+    lost = before - snapshot.homed_axes
+    if not lost:
+        return None
+    if not snapshot.homed_axes and not snapshot.loops_closed:
+        return Problem(code="controller.was_reset")
+    return Problem(code="controller.home_lost", key=", ".join(sorted(lost)))
+
+
+def open_loop_problem(snapshot: Snapshot) -> Problem | None:
+    """Return that a loop has opened under a motion: that axis is held by nothing."""
+    axes = snapshot.open_loops
+    return Problem(code="machine.loop_open", key=", ".join(axes)) if axes else None
+
+
+class OthersStill:
+    """Every axis but those that move stays where it was commanded to be when the motion began."""
+
+    def __init__(self, moving: Set[AxisName], begun: Snapshot, lengths: Lengths) -> None:
+        self._lengths = lengths
+        self._ranges = tuple(
+            AxisRange(axis=axis, low=state.commanded - OTHERS_COUNTS, high=state.commanded + OTHERS_COUNTS)
+            for axis, state in zip(begun.driven, begun.driven_axes, strict=True)
+            if axis not in moving
+        )
+
+    def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
+        """Judge one poll."""
+        found = (_outside(each, snapshot, "machine.unexpected_motion", self._lengths) for each in self._ranges)
+        return tuple(problem for problem in found if problem is not None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisRange:
+    """Where an axis may be commanded to be, counts."""
+
+    axis: AxisName
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JogGuard:
+    """A jog of one axis between two commanded positions, counts; `beyond_counts` is as far as it may overshoot.
+
+    A jog that comes from a line that arrived otherwise than it was sent goes the wrong way, or beyond its target,
+    or moves another axis.
+    """
+
+    axis: AxisName
+    begin: float
+    end: float
+    beyond_counts: float
+    others: OthersStill
+    lengths: Lengths
+
+    def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
+        """Judge where the axis is commanded to be."""
+        at = snapshot.axis(self.axis).commanded
+        low, high = sorted((self.begin, self.end))
+        held = snapshot.axis(self.axis).closed
+        if not held or low - self.beyond_counts <= at <= high + self.beyond_counts:
+            return self.others(snapshot)
+        value, limit = self.lengths.at(self.axis, at), self.lengths.between(self.axis, self.begin, self.end)
+        return (Problem(code="machine.jog_astray", key=self.axis, value=value, limit=limit),)
+
+
+class ProgramGuard:
+    """A program in progress: its axes stay where it was planned to take them, in real time, and it advances."""
+
+    def __init__(self, lengths: Lengths, ranges: Iterable[AxisRange] = (), *, real_time: bool = True) -> None:
+        """`real_time` is False for a program whose time is led by another source than the feed override."""
+        self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
+        self._last: Snapshot | None = None
+
+    def __call__(self, snapshot: Snapshot) -> tuple[Problem, ...]:
+        """Judge one poll."""
+        problems = (
+            self._override(snapshot),
+            *(_outside(each, snapshot, "cut.outside_plan", self._lengths) for each in self._ranges),
+        )
+        stalled = self._stalled(snapshot)
+        return tuple(problem for problem in (*problems, stalled) if problem is not None)
+
+    def _override(self, snapshot: Snapshot) -> Problem | None:
+        percent = snapshot.override_percent
+        if not self._real_time or not snapshot.program_running:
+            return None
+        if abs(percent - REAL_TIME_PERCENT) <= OVERRIDE_BAND_PERCENT:
+            return None
+        return Problem(code="cut.override", value=f"{percent:g} %", limit=f"{REAL_TIME_PERCENT:g} %")
+
+    def _stalled(self, snapshot: Snapshot) -> Problem | None:
+        last = self._last
+        if not snapshot.program_running:
+            self._last = None
+            return None
+        if last is None or not _stands(last, snapshot):
+            self._last = snapshot
+            return None
+        still_s = snapshot.at_s - last.at_s
+        if still_s < STALLED_S:
+            return None
+        return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
+
+
+def _outside(planned: AxisRange, snapshot: Snapshot, code: str, lengths: Lengths) -> Problem | None:
+    """Return that an axis is commanded elsewhere; one whose loop is open is commanded by nobody."""
+    axis, at = planned.axis, snapshot.axis(planned.axis).commanded
+    if not snapshot.axis(axis).closed or planned.low <= at <= planned.high:
+        return None
+    value, limit = lengths.at(axis, at), lengths.between(axis, planned.low, planned.high)
+    return Problem(code=code, key=axis, value=value, limit=limit)
+
+
+def _stands(before: Snapshot, after: Snapshot) -> bool:
+    return after.still(before, STIRRED_COUNTS)

@@ -1,0 +1,201 @@
+"""Jogs of one axis at a time: home, to a position, by a step, out of the part. Each is watched on its way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from drivers.cutting.loading import Loading
+from drivers.errors import DriverError, RefusedError
+from drivers.lathe.guards import JogGuard, OthersStill
+from drivers.lathe.lengths import Lengths, motor_of
+from drivers.lathe.motion import Motion, refuse_beyond_travel
+from drivers.lathe.polling import Looks
+from drivers.lathe.snapshot import AxisName, AxisState, Snapshot, driven_axes
+from drivers.lathe.standstill import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
+from drivers.lathe.stop import StopPath
+from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.language.text import format_number
+from drivers.pmac.settings import PARTS_PER_COUNT, settings_with
+from drivers.pmac.trajectory.jog import change_speed, jog_settings
+from drivers.pmac.variables import VariableStore
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+READ_MS = 10.0
+"""Within one look position and following error of an axis are not read at one instant."""
+
+SHIFTED_COUNTS = 5.0
+"""An axis that rests is commanded to one place, and told to a tenth of a count."""
+
+
+def braking_s(machine: MachineProfile, axis: AxisName) -> float:
+    """Return how long an axis takes to come to rest from the speed of its home search, Ix23."""
+    dialect = DIALECTS[machine.controller.family]
+    variables = VariableStore(settings_with(machine.controller.variables, dialect), dialect)
+    settings = jog_settings(variables, motor_of(machine, axis), 23)
+    return sum(piece.duration_ms for piece in change_speed(0.0, settings.speed, 0.0, settings)) / 1000.0
+
+
+def band_counts(machine: MachineProfile, axis: AxisName) -> float:
+    """Return the warning limit of an axis, Ix12."""
+    return machine.controller.variables[f"I{motor_of(machine, axis)}12"] / PARTS_PER_COUNT
+
+
+class Jogs:
+    """The jogs of one machine; `send` takes a line that moves, with its lease."""
+
+    def __init__(
+        self,
+        machine: MachineProfile,
+        looks: Looks,
+        motion: Motion,
+        stop: StopPath,
+        loading: Loading,
+        send: Callable[[str], None],
+    ) -> None:
+        self._machine, self._looks, self._motion, self._stop = machine, looks, motion, stop
+        self._loading, self._send, self._lengths = loading, send, Lengths(machine)
+        self._left: tuple[Snapshot, object] | None = None
+
+    def forget(self) -> None:
+        """From now on something else than a jog may move the axes, or give them another zero."""
+        self._left = None
+
+    def home(self, timeout_s: float = 60.0) -> None:
+        """Search the zero of each axis: tool out first, then the carriage, then the spindle's index.
+
+        Raises:
+            DriverError: `machine.timeout`, `machine.fault`; `machine.home_ended`, before a zero was found;
+                `controller.home_lost`, of an axis that was homed before.
+        """
+        self.forget()
+        for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
+            if axis not in driven_axes(self._machine):
+                continue
+            now = self._looks.look()
+            self._refuse_shifted(now)
+            others = self._others(axis, now)
+            self._send(f"#{motor_of(self._machine, axis)}HM")
+            search = HomeSearch(axis, band_counts(self._machine, AxisName.TOOL), braking_s(self._machine, axis))
+            last = self._motion.until(search.is_over, timeout_s, f"home {axis}", guard=others, homing=axis)
+            if search.sudden or "home_complete" not in last.axis(axis).flags:
+                self._stop.stop(f"home {axis}")
+                raise DriverError(Problem(code="machine.home_ended", key=axis))
+            self._left = last, self._stop.mark
+
+    def to(
+        self,
+        axis: AxisName,
+        counts: float,
+        timeout_s: float = 120.0,
+        *,
+        settle: bool = True,
+        held_counts: float = 0.0,
+    ) -> None:
+        """Jog one axis to a position in counts of its motor.
+
+        With `settle` it is given some time to be in position, see `Settling`; without, it is enough that it is
+        commanded to rest there and lags by less than the warning limit Ix12: the integrator of a slow loop may
+        take many seconds for the remainder.
+        `held_counts` is what a compensation table adds to where it is seen.
+
+        Raises:
+            DriverError: `machine.timeout`, `machine.fault`, `machine.not_arrived`, or, while it moves,
+                `machine.jog_astray`, `machine.unexpected_motion` and those of `Motion.until`.
+        """
+        guard = self._jog_guard(axis, counts + held_counts)
+        self._send(f"#{motor_of(self._machine, axis)}J={format_number(counts)}")
+        done = Settling((axis,), band_counts(self._machine, AxisName.TOOL)).is_over
+        if not settle:
+            done = partial(nearly_arrived, axis=axis, band_counts=band_counts(self._machine, axis))
+        last = self._motion.until(done, timeout_s, f"jog {axis}", guard=guard)
+        self._left, state = (last, self._stop.mark), last.axis(axis)
+        there = state.position + state.following_error
+        if abs(there - counts - held_counts) > ARRIVED_COUNTS:
+            # It rests, but not where it was sent: somebody else, or the card itself, has ended the jog.
+            value, limit = self._lengths.at(axis, there), self._lengths.at(axis, counts)
+            self._stop.stop(f"jog {axis}")
+            raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
+
+    def _jog_guard(self, axis: AxisName, end: float) -> JogGuard:
+        """Return what judges a jog to `end`; an axis is seen ahead by what it goes while it is read."""
+        now = self._looks.look()
+        self._refuse_shifted(now)
+        self.forget()  # until this one is over
+        speed = abs(self._machine.controller.variables[f"I{motor_of(self._machine, axis)}22"])
+        beyond, begin = speed * READ_MS + ARRIVED_COUNTS, now.axis(axis).commanded
+        others = self._others(axis, now)
+        return JogGuard(
+            axis=axis, begin=begin, end=end, beyond_counts=beyond, others=others, lengths=self._lengths
+        )
+
+    def _refuse_shifted(self, now: Snapshot) -> None:
+        """Refuse where an axis is no longer where the last jog has left it, and nothing of ours has moved since.
+
+        Raises:
+            RefusedError: `controller.home_lost`: another host has given it another zero, or has moved it.
+        """
+        left, mark = self._left or (now, self._stop.mark)
+        if mark != self._stop.mark:
+            return
+        shifted = [
+            axis
+            for axis in now.driven
+            if abs(now.axis(axis).commanded - left.axis(axis).commanded) > SHIFTED_COUNTS
+        ]
+        if shifted:
+            self.forget()
+            raise RefusedError(Problem(code="controller.home_lost", key=", ".join(shifted)))
+
+    def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
+        """Return what judges the axes that do not jog; by a table that is on, the tool follows another axis."""
+        follows = axis is not AxisName.TOOL and self._loading.tables_on()
+        return OthersStill({axis, AxisName.TOOL} if follows else {axis}, begun, self._lengths)
+
+    def by(self, axis: AxisName, counts: float, timeout_s: float = 120.0) -> None:
+        """Jog one axis by an increment in counts, from where it is commanded to be.
+
+        Raises:
+            DriverError: `machine.moving`, `machine.not_enabled`, `machine.beyond_travel`, and those of `to`.
+        """
+        state = self._ready_to_jog(axis)
+        held = self._loading.correction_counts() if axis is AxisName.TOOL else 0.0
+        end = state.position + state.following_error - held + counts
+        refuse_beyond_travel(self._machine, axis, motor_of(self._machine, axis), end)
+        self.to(axis, end, timeout_s, settle=False, held_counts=held)
+
+    def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
+        """Jog the tool out, after a stop or a hold, to a position in counts; the tool counts towards the work.
+
+        A tool that is already there, within the band of its in-position flag, is left alone.
+
+        Raises:
+            DriverError: `machine.retract_direction`, the position is further in than where the tool stands;
+                `machine.moving`, `machine.not_enabled`, and those of `to`.
+        """
+        here = self._ready_to_jog(AxisName.TOOL).position
+        band = self._machine.controller.variables[f"I{self._machine.tool.motor}28"] / PARTS_PER_COUNT
+        if abs(to_counts - here) <= band:
+            return
+        if to_counts > here:
+            value, limit = (self._lengths.at(AxisName.TOOL, each) for each in (to_counts, here))
+            raise RefusedError(
+                Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=f"< {limit}")
+            )
+        self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._loading.correction_counts())
+
+    def _ready_to_jog(self, axis: AxisName) -> AxisState:
+        """Return where an axis stands. A jog would close an open loop, and nothing else may do that unasked.
+
+        Raises:
+            DriverError: `machine.moving`, `machine.not_enabled`.
+        """
+        self._stop.check()
+        snapshot = self._looks.look()
+        if snapshot.moving:
+            raise RefusedError(Problem(code="machine.moving", where=self._looks.address))
+        state = snapshot.axis(axis)
+        if not state.closed:
+            raise RefusedError(Problem(code="machine.not_enabled", where=self._looks.address))
+        return state

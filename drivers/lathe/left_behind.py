@@ -1,0 +1,65 @@
+"""An axis that was left behind until its following-error limit opened its loops: how far, and what is likely.
+
+Dry friction of the tool is the usual cause. While it sticks, its integrator pushes with the friction F; where it
+then turns round, that has to be overcome and F once more the other way, and the loop gives way by c F for each: by
+2 c F it lags, c = 1 / (K Kp) its compliance without the integrator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from drivers.lathe.lengths import motor_of
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.pmac.analysis.findings import Value
+from drivers.pmac.analysis.units import shown_length
+from drivers.pmac.settings import PARTS_PER_COUNT
+from profiles.axis.friction import ASSUMED_FRICTION_N
+from profiles.axis.tool_stiffness import tool_compliance_um_per_n
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+BEHIND = "fatal_following_error"
+
+
+def left_behind(machine: MachineProfile, before: Snapshot | None, seen: Snapshot) -> tuple[Problem, ...]:
+    """Return how far each axis was behind that has tripped; `before` is the poll before the one that saw it.
+
+    A controller that opens a loop sets the command to the actual position, so the poll that shows the trip no
+    longer shows the error.
+    """
+    return tuple(
+        _of_axis(machine, axis, [each for each in (before, seen) if each is not None])
+        for axis in AxisName
+        if BEHIND in seen.axis(axis).flags
+    )
+
+
+def tripping_friction_n(machine: MachineProfile) -> float:
+    """Return the dry friction, N, at which the tool trips on reversal after a standstill."""
+    steady = replace(machine, tool=replace(machine.tool, gain_ki_v_per_m_s=0.0))
+    compliance_um_per_n = abs(complex(tool_compliance_um_per_n(steady, 0.0)))
+    return _limit_counts(machine, machine.tool.motor) * machine.tool.count_um / (2.0 * compliance_um_per_n)
+
+
+def _of_axis(machine: MachineProfile, axis: AxisName, polls: list[Snapshot]) -> Problem:
+    motor = motor_of(machine, axis)
+    behind = max(abs(poll.axis(axis).following_error) for poll in polls)
+    limit = _limit_counts(machine, motor)
+    value, allowed = (_told(shown_length(machine, motor, counts)) for counts in (behind, limit))
+    allowed = f"{allowed} (I{motor}11)"
+    if axis is not AxisName.TOOL:
+        return Problem(code="machine.left_behind", key=axis, value=value, limit=allowed)
+    friction = f"{tripping_friction_n(machine):.1f} N"
+    return Problem(code="machine.tool_left_behind", where=friction, key=_ASSUMED, value=value, limit=allowed)
+
+
+def _told(length: dict[str, Value]) -> str:
+    return f"{length['length']:.3g} {length['unit']}"
+
+
+_ASSUMED = f"{ASSUMED_FRICTION_N:g} N"
+
+
+def _limit_counts(machine: MachineProfile, motor: int) -> float:
+    return machine.controller.variables[f"I{motor}11"] / PARTS_PER_COUNT

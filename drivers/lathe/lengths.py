@@ -1,0 +1,45 @@
+"""Where an axis is, in the operator's units: mm from its zero, the spindle in degrees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.lathe.snapshot import AxisName
+from drivers.pmac.analysis.units import Unit, unit_of
+from profiles.machine import MachineProfile
+
+_DECIMALS = {AxisName.TOOL: 4, AxisName.CARRIAGE: 3, AxisName.SPINDLE: 2}
+
+
+def motor_of(machine: MachineProfile, axis: AxisName) -> int:
+    """Return the number of the motor of an axis."""
+    motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+    return dict(zip(AxisName, motors, strict=True))[axis]
+
+
+@dataclass(frozen=True, slots=True)
+class Lengths:
+    """Writes positions of the axes of a machine, which the controller counts."""
+
+    machine: MachineProfile
+
+    def unit(self, axis: AxisName) -> Unit:
+        """Return the unit of an axis."""
+        unit = unit_of(self.machine, motor_of(self.machine, axis))
+        assert unit is not None, "every axis of a machine has a motor that it knows"
+        return unit
+
+    def at(self, axis: AxisName, counts: float) -> str:
+        """Return a position with its unit, such as `41.618 mm` or `12.34 deg`."""
+        return f"{self._number(axis, counts)} {self.unit(axis).name}"
+
+    def between(self, axis: AxisName, low: float, high: float) -> str:
+        """Return a range of positions with its unit."""
+        return f"{self._number(axis, low)} to {self.at(axis, high)}"
+
+    def around(self, axis: AxisName, counts: float, band: float) -> str:
+        """Return a position and how far off it may be, with their unit."""
+        return f"{self._number(axis, counts)} ± {self.at(axis, band)}"
+
+    def _number(self, axis: AxisName, counts: float) -> str:
+        return f"{counts * self.unit(axis).per_count:z.{_DECIMALS[axis]}f}"

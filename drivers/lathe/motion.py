@@ -1,0 +1,237 @@
+"""Waiting for the end of what moves: looks in a row, the lease kept, and every way in which it may end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from drivers.clock import Clock
+from drivers.errors import DriverError, RefusedError
+from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguarded
+from drivers.lathe.heartbeat import LAPSED, Heartbeat
+from drivers.lathe.left_behind import left_behind
+from drivers.lathe.lengths import Lengths
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.polling import Looks
+from drivers.lathe.safety import device_problems
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standing import Standing
+from drivers.lathe.stop import StopPath
+from drivers.pmac.heartbeat.plc import Policy
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+CUT_POLL_S = 0.023
+"""Time between two looks during a cut: no whole part of any usual turn, so that every angle is met."""
+
+WAY_HOME_S = 10.0
+"""What a held program may do behind its retract, with the tool out: a table is left in its row of zeros."""
+
+JOG_POLL_S = 0.05
+"""Time between two looks at an axis on its way."""
+
+
+class Motion:
+    """Waits of one machine. Travel limits on which an axis stands when it begins to move off are no fault."""
+
+    def __init__(
+        self,
+        machine: MachineProfile,
+        looks: Looks,
+        stop: StopPath,
+        clock: Clock,
+        heartbeat: Heartbeat | None,
+        ownership: Ownership | None,
+        hold: Callable[[], None],
+    ) -> None:
+        """`hold` asks the program that runs to end by itself, with its tool out."""
+        self._machine, self._looks, self._stop, self._clock = machine, looks, stop, clock
+        self._heartbeat, self._ownership, self._hold = heartbeat, ownership, hold
+
+    def _pause(self, seconds: float) -> None:
+        if self._heartbeat is None:
+            self._clock.wait(seconds)
+        else:
+            self._heartbeat.pause(seconds, self._looks.patience_s)
+
+    def until(
+        self,
+        done: Callable[[Snapshot], bool],
+        timeout_s: float,
+        what: str,
+        watch: Callable[[Snapshot], None] | None = None,
+        *,
+        guard: Guard = unguarded,
+        homing: AxisName | None = None,
+    ) -> Snapshot:
+        """Look on until it is over; `watch` is told each look of a cut. `what` names it where it goes wrong.
+
+        `guard` judges each look. The axis that is `homing` may lose its zero, every other one must keep it.
+
+        Raises:
+            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.was_reset`,
+                `machine.loop_open`, those of the guard, the machine was stopped before;
+                `heartbeat.plc_silent`, see `_end_unguarded`; and what ends it from outside, see `_next_look`.
+        """
+        deadline = self._clock.now_s() + timeout_s
+        homed = frozenset() if self._looks.last is None else self._looks.last.homed_axes - {homing}
+        standing_on: frozenset[str] = (
+            frozenset() if watch is not None or self._looks.last is None else self._looks.last.limits
+        )
+        alone: tuple[Problem, ...] = ()
+        while True:
+            before, snapshot = self._looks.last, self._next_look(deadline, watch, homed)
+            met = snapshot.axis_faults if watch is None else snapshot.faults
+            self._refuse_faults(before, snapshot, what, [fault for fault in met if fault not in standing_on])
+            self._refuse_astray(snapshot, guard)
+            if not alone and self._heartbeat is not None and self._heartbeat.silent is not None:
+                alone = (self._heartbeat.silent,)
+                deadline = min(deadline, self._end_unguarded(self._heartbeat, alone[0], in_cut=watch is not None))
+            self._looks.watch_constants()
+            if watch is not None:
+                watch(snapshot)
+            if done(snapshot):
+                if self._heartbeat is not None:
+                    self._heartbeat.ended()
+                if alone:
+                    raise DriverError(*alone)
+                return snapshot
+            if self._clock.now_s() > deadline:
+                self._stop.stop(f"{what}: {timeout_s:g} s")
+                raise DriverError(*alone, Problem(code="machine.timeout", key=what, value=f"{timeout_s:g} s"))
+
+    def _refuse_faults(self, before: Snapshot | None, snapshot: Snapshot, what: str, faults: list[str]) -> None:
+        """Stop for what is wrong; a safety device that has ended it by itself is what is told first.
+
+        Raises:
+            DriverError: `safety.not_good`, `machine.fault`, `machine.left_behind`, `machine.tool_left_behind`.
+        """
+        problems = device_problems(snapshot.inputs)
+        if faults:
+            problems = (*problems, Problem(code="machine.fault", key=what, value=", ".join(faults)))
+            problems = (*problems, *left_behind(self._machine, before, snapshot))
+        if problems:
+            self._stop.stop(faults[0] if faults else problems[0].key)
+            raise DriverError(*problems)
+
+    def _refuse_astray(self, snapshot: Snapshot, guard: Guard) -> None:
+        """Stop what does not do what it was told to do, at the look that shows it.
+
+        What a stop of ours has opened or moved since the last look is nobody else's doing.
+
+        Raises:
+            StoppedError: the machine was stopped meanwhile.
+            DriverError: `machine.loop_open`, those of the guard, `controller.constant_differs` of the program.
+        """
+        self._stop.check()
+        found = (open_loop_problem(snapshot), self._looks.changed, *guard(snapshot))
+        problems = [problem for problem in found if problem is not None]
+        if problems:
+            self._stop.stop(problems[0].code)
+            raise DriverError(*problems)
+
+    def _end_unguarded(self, heartbeat: Heartbeat, problem: Problem, *, in_cut: bool) -> float:
+        """End what the card would not end any more, as it would; return when it must have come to its end.
+
+        A cut that is to go on without a host goes on: it is as safe as it was.
+
+        Raises:
+            DriverError: the problem; what moved is stopped.
+        """
+        if not in_cut or heartbeat.policy is Policy.STOP:
+            self._stop.stop(problem.code)
+            raise DriverError(problem)
+        if heartbeat.policy is Policy.RETRACT:
+            self._hold()
+        return self._clock.now_s() + heartbeat.ends_within_s + WAY_HOME_S
+
+    def _next_look(
+        self, deadline: float, watch: Callable[[Snapshot], None] | None, homed: frozenset[AxisName]
+    ) -> Snapshot:
+        """Let time pass with the lease kept, and look; `homed` are the axes that must have kept their zero.
+
+        Raises:
+            DriverError: `heartbeat.lapsed`, what moved was ended by the card; `controller.was_reset`;
+                `owner.ousted`, the machine is no longer ours.
+            StoppedError: somebody stopped the machine.
+        """
+        try:
+            self._pause(JOG_POLL_S if watch is None else CUT_POLL_S)
+            self._stop.check()
+            snapshot = self._looks.look()
+            self._refuse_reset(homed, snapshot)
+            if snapshot.lost and self._heartbeat is not None and self._heartbeat.guarding:
+                raise self._heartbeat.lapse()
+        except DriverError as error:
+            if error.problems[0].code == LAPSED:
+                self._see_it_end(deadline, watch)
+            raise
+        if self._ownership is not None:
+            self._ownership.refuse_ousted()
+        return snapshot
+
+    def _refuse_reset(self, homed: frozenset[AxisName], snapshot: Snapshot) -> None:
+        """Stop where positions are lost: a controller that was reset has forgotten who owned it, too.
+
+        Raises:
+            DriverError: `controller.was_reset`, `controller.home_lost`.
+        """
+        problem = reset_problem(homed, snapshot)
+        if problem is not None:
+            self._stop.stop(problem.code)
+            raise DriverError(problem)
+
+    def _see_it_end(self, deadline: float, watch: Callable[[Snapshot], None] | None) -> None:
+        """Look on while the card ends what has lost its host: a stop of ours would leave the tool in the part.
+
+        A cut that it lets go on is watched as before: a hold that is asked for is passed on.
+        """
+        heartbeat = self._heartbeat
+        assert heartbeat is not None  # it is what has told so
+        deadline = min(deadline, self._clock.now_s() + heartbeat.ends_within_s)
+        while self._clock.now_s() < deadline:
+            self._stop.check()
+            snapshot = self._looks.look()
+            if snapshot.at_rest and not heartbeat.is_ending():
+                return
+            if self._ownership is not None and self._ownership.standing is Standing.OUSTED:
+                return  # what moves now is another's
+            if watch is not None:
+                watch(snapshot)
+            self._clock.wait(CUT_POLL_S)
+
+
+LINK_LATENCY_MS = 50.0
+"""What a stop may take from the key to the controller."""
+
+
+def refuse_beyond_travel(machine: MachineProfile, axis: AxisName, motor: int, counts: float) -> None:
+    """Refuse a position outside Ix13 and Ix14; 0 means no limit, as for a rotary spindle.
+
+    Raises:
+        RefusedError: `machine.beyond_travel`.
+    """
+    variables = machine.controller.variables
+    high, low = variables[f"I{motor}13"], variables[f"I{motor}14"]
+    lengths, limit = Lengths(machine), ""
+    if high and counts > high:
+        limit = f"<= {lengths.at(axis, high)}"
+    if low and counts < low:
+        limit = f">= {lengths.at(axis, low)}"
+    if limit:
+        value = lengths.at(axis, counts)
+        raise RefusedError(Problem(code="machine.beyond_travel", key=axis, value=value, limit=limit))
+
+
+def overrun_counts(machine: MachineProfile, motor: int) -> float:
+    """Return the longest way from the press of a stop in mid-jog to rest.
+
+    v (background period + link latency) + v^2 / (2 a), with the jog speed v = Ix22 in counts/ms and the abort
+    rate a = Ix15 in counts/ms^2. The controller obeys a stop once in a background period. Infinite when Ix15 is
+    0, which never stops a motor.
+    """
+    variables = machine.controller.variables
+    speed, rate = abs(variables[f"I{motor}22"]), variables[f"I{motor}15"]
+    late_ms = machine.controller.background_ms + LINK_LATENCY_MS
+    ramp = speed**2 / (2.0 * rate) if rate > 0.0 else math.inf
+    return speed * late_ms + ramp

@@ -1,0 +1,162 @@
+"""Looking at the machine: one request a look, with the lease in front where one is due.
+
+Each look tells the stop what the drives do, because the right stop depends on that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.clock import Clock
+from drivers.errors import DriverError, LinkError
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.ownership import Ownership
+from drivers.lathe.snapshot import Snapshot, SnapshotItems
+from drivers.lathe.stop import StopPath
+from drivers.link.base import GONE
+from drivers.pmac.client import PmacClient
+from drivers.pmac.program_constants import ConstantsWatch
+from profiles.problem import Problem
+
+LOOK_TIMEOUT_S = 0.3
+"""How long the answer to a look may take: in a cut nothing else tells of a fault."""
+
+GUARDED_TIMEOUT_S = 0.17
+"""The same for the first try while a lease is kept: there has to be time for a second one before it runs out."""
+
+QUICK_TIMEOUT_S = 0.17
+"""The least time that an answer is given while a stop is being proven: the next repetition must not wait."""
+
+LOOKS_A_READING, CONSTANTS_A_READING = 4, 4
+"""How many looks a reading of constants is apart, and how many of them it reads."""
+
+SLOW_LINE_S = 0.05
+"""Over a line on which a look takes longer, a reading is of one constant: leases and looks come first."""
+
+
+class Looks:
+    """What the controller says of itself.
+
+    `last` is the last look that succeeded. `loops_closed` is whether the last look saw every driven axis under
+    control, False when it failed. `verified` is set by whoever has compared the controller with its profile.
+    `round_trip_s` is how long the last look took. `watched` are the constants of the program that
+    runs; `changed` is the first of them that was seen not as planned.
+    """
+
+    def __init__(
+        self,
+        client: PmacClient,
+        clock: Clock,
+        stop: StopPath,
+        items: SnapshotItems,
+        *,
+        seen: Callable[[Snapshot], None] | None = None,
+        heartbeat: Heartbeat | None = None,
+        ownership: Ownership | None = None,
+    ) -> None:
+        """`seen` is given every look that was read; it must return at once and not raise."""
+        self.last: Snapshot | None = None
+        self.loops_closed = False
+        self.verified = False
+        self.round_trip_s = 0.0
+        self.watched: ConstantsWatch | None = None
+        self.changed: Problem | None = None
+        self._looks_made = 0
+        self._client, self._clock, self._stop, self._items = client, clock, stop, items
+        self._seen, self._heartbeat, self._ownership = seen, heartbeat, ownership
+
+    @property
+    def address(self) -> str:
+        """The link that the controller is looked at over."""
+        return self._client.link.address
+
+    @property
+    def sees_devices(self) -> bool:
+        """Whether a look brings safety devices back."""
+        return bool(self._items.inputs)
+
+    def in_doubt(self) -> None:
+        """What the drives do now is not known, so the stop must not rely on it."""
+        self._stop.loops_closed = self.loops_closed = False
+
+    def look(self) -> Snapshot:
+        """Read the state of the machine in one request, and once more when its reply does not come, or not whole.
+
+        Raises:
+            DriverError: `heartbeat.lapsed`, this host was silent for so long that the card has ended the motion.
+            LinkError: the link broke or is out of step.
+        """
+        try:
+            return self.look_once(self._first_timeout_s)
+        except LinkError as error:
+            if any(problem.code in GONE for problem in error.problems):
+                raise
+            return self.look_once(LOOK_TIMEOUT_S)
+
+    @property
+    def patience_s(self) -> float:
+        """How long the answer to a look may take where the next try must not wait: a slow line takes its time."""
+        return min(max(QUICK_TIMEOUT_S, 2.0 * self.round_trip_s), LOOK_TIMEOUT_S)
+
+    @property
+    def _first_timeout_s(self) -> float:
+        if self._heartbeat is None or not self._heartbeat.guarding:
+            return LOOK_TIMEOUT_S
+        return min(max(GUARDED_TIMEOUT_S, 2.0 * self.round_trip_s), LOOK_TIMEOUT_S)
+
+    def look_once(self, timeout_s: float) -> Snapshot:
+        """Read the state of the machine in one request.
+
+        Raises:
+            DriverError: as for `look`.
+        """
+        lease = ""
+        if self._heartbeat is not None and self._stop.reason is None:  # behind a stop nothing of ours goes on
+            lease = self._heartbeat.renewal()
+        asked_s = self._clock.now_s()
+        try:
+            line = " ".join((lease, *self._items.items)).lstrip()
+            replies = self._client.request(line, timeout_s, lines=len(self._items.items))
+            at_s = self._clock.now_s()
+            snapshot = self._items.read(replies, asked_s, at_s, self._client.link.address)
+        except DriverError:
+            self.in_doubt()
+            raise
+        # A motor that is not ours would be closed by the same control-A, so that must be known, too.
+        self._stop.loops_closed = snapshot.nothing_open and self.verified
+        self.last = snapshot
+        self.loops_closed = snapshot.loops_closed
+        self.round_trip_s = at_s - asked_s
+        if self._ownership is not None:
+            self._ownership.see(snapshot.owner)
+        if self._seen is not None:
+            self._seen(snapshot)
+        return snapshot
+
+    def watch_constants(self) -> None:
+        """Read a few constants of the program that runs, behind every few looks, and judge them.
+
+        One that is not answered is left to the next turn: that the line is bad is for the next look to find.
+
+        Raises:
+            DriverError: as for `look`.
+        """
+        watched = self.watched
+        if watched is None:
+            return
+        self._looks_made += 1
+        if self._looks_made % LOOKS_A_READING:
+            return
+        names = watched.names(CONSTANTS_A_READING if self.round_trip_s < SLOW_LINE_S else 1)
+        if not names or self._stop.reason is not None:
+            return
+        lease = "" if self._heartbeat is None else self._heartbeat.renewal()
+        try:
+            line = " ".join((lease, *names)).lstrip()
+            answers = self._client.request(line, self._first_timeout_s, lines=len(names))
+            found = watched.see(names, [self._client.number(answer) for answer in answers])
+        except LinkError as error:
+            if any(problem.code in GONE for problem in error.problems):
+                raise
+            return
+        self.changed = self.changed or found

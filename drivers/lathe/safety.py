@@ -1,0 +1,85 @@
+"""The safety devices of a machine, as far as its controller sees them, and whether it may be moved with them.
+
+A device that the controller sees is written in the profile in its language: `guard->Y:$FFC2,3=1` is bit 3 of a
+word, which is 1 when the guard is closed. The console reads them and refuses by them. It is no safety device: what
+keeps people whole are the devices themselves.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from drivers.errors import DriverError
+from profiles.machine import SAFETY_DEVICES, MachineProfile, Safety, is_signature
+from profiles.problem import Problem
+
+WIRED, NOT_FITTED = "wired", "not fitted"
+FORM = "DEVICE->X|Y:$ADDRESS,BIT=0|1"
+WORD_BITS = 24
+
+_WORD = r"(?P<space>[XY]):\$(?P<address>[0-9A-F]{1,6})"
+_INPUT = re.compile(rf"(?P<device>\w+)->{_WORD},(?P<bit>\d{{1,2}})=(?P<good>[01])")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyInput:
+    """One bit of a word of the controller. `item` asks for the word, `good` is the bit when all is well."""
+
+    device: str
+    item: str
+    bit: int
+    good: int
+
+    def is_good(self, word: int) -> bool:
+        """Whether all is well, by the word that was read."""
+        return (word >> self.bit) & 1 == self.good
+
+
+def inputs_of(safety: Safety) -> tuple[SafetyInput, ...]:
+    """Return the devices that the controller sees.
+
+    Raises:
+        DriverError: `safety.bad_input`, with every entry that is not of the form.
+    """
+    found = [_read(text) for text in safety.inputs]
+    problems = [each for each in found if isinstance(each, Problem)]
+    if problems:
+        raise DriverError(*problems)
+    return tuple(each for each in found if isinstance(each, SafetyInput))
+
+
+def safety_problems(machine: MachineProfile, inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
+    """Return why nobody may be near this machine when it moves; `inputs` are those that were read."""
+    return (*_unfitted(machine.safety), *device_problems(inputs))
+
+
+def device_problems(inputs: Mapping[str, bool]) -> tuple[Problem, ...]:
+    """Return which of the devices that the controller sees are not as they must be: nothing may be moved then."""
+    return tuple(
+        Problem(code="safety.not_good", key=f"safety.{device}") for device, good in inputs.items() if not good
+    )
+
+
+def _unfitted(safety: Safety) -> Iterator[Problem]:
+    for device, fitted in safety.devices.items():
+        if fitted == NOT_FITTED and not is_signature(safety.signed_by):
+            yield Problem(code="safety.not_signed", key=f"safety.{device}", value=fitted, limit="safety.signed_by")
+        elif fitted not in (WIRED, NOT_FITTED):
+            yield Problem(
+                code="safety.unknown", key=f"safety.{device}", value=fitted, limit=f"{WIRED} | {NOT_FITTED}"
+            )
+
+
+def _read(text: str) -> SafetyInput | Problem:
+    found = _INPUT.fullmatch(text.replace(" ", ""))
+    if found is None or found["device"] not in SAFETY_DEVICES or int(found["bit"]) >= WORD_BITS:
+        limit = f"{FORM}; {', '.join(SAFETY_DEVICES)}; BIT < {WORD_BITS}"
+        return Problem(code="safety.bad_input", key="safety.inputs", value=text, limit=limit)
+    return SafetyInput(
+        device=found["device"],
+        item=f"R{found['space']}${found['address']}",
+        bit=int(found["bit"]),
+        good=int(found["good"]),
+    )

@@ -1,0 +1,244 @@
+"""One look at the machine: everything that a single request brings back, immutable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+from drivers.errors import LinkError
+from drivers.lathe.safety import inputs_of
+from drivers.pmac import reserved
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.foreseen import number_of
+from drivers.pmac.status import decode
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+FAULT_FLAGS = ("fatal_following_error", "amplifier_fault", "negative_limit", "positive_limit")
+ITEMS_PER_AXIS = 3
+REAL_TIME_PERCENT = 100.0
+
+
+class AxisName(StrEnum):
+    """The axes by their machine names."""
+
+    TOOL = "tool"
+    SPINDLE = "spindle"
+    CARRIAGE = "carriage"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisState:
+    """One axis as the controller reports it, in counts of its motor."""
+
+    position: float
+    following_error: float
+    flags: frozenset[str]
+
+    @property
+    def commanded(self) -> float:
+        """Where the axis is commanded to be: what it lags by is not there yet."""
+        return self.position + self.following_error
+
+    @property
+    def closed(self) -> bool:
+        """Whether the axis is under control."""
+        return "amplifier_enabled" in self.flags and "open_loop" not in self.flags
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """Everything read in one request, which went out at `asked_s` and was answered at `at_s` (machine time).
+
+    `driven` are the axes that the controller moves; a spindle on an inverter is only read. `owner` is the number
+    of the console that controls the machine, 0 nobody. `lost` is what the controller has ended without a host,
+    1 a jog, 2 a cut, 0 nothing. `inputs` are the safety devices that the controller sees, True where all is well.
+    `override_percent` is the time base of programs, 100 for real time: a feed hold makes it 0.
+    """
+
+    asked_s: float
+    at_s: float
+    tool: AxisState
+    spindle: AxisState
+    carriage: AxisState
+    program_running: bool
+    runtime_error: bool
+    driven: tuple[AxisName, ...] = tuple(AxisName)
+    owner: int = 0
+    lost: int = 0
+    override_percent: float = REAL_TIME_PERCENT
+    inputs: Mapping[str, bool] = field(default_factory=lambda: MappingProxyType({}))
+
+    def age_s(self, now_s: float) -> float:
+        """Return how old any of this may be: each value was read at some moment behind the request."""
+        return now_s - self.asked_s
+
+    @property
+    def axes(self) -> tuple[AxisState, AxisState, AxisState]:
+        """Tool, spindle, carriage."""
+        return self.tool, self.spindle, self.carriage
+
+    def axis(self, name: AxisName) -> AxisState:
+        """Return one axis by its name."""
+        return dict(zip(AxisName, self.axes, strict=True))[name]
+
+    @property
+    def driven_axes(self) -> tuple[AxisState, ...]:
+        """The axes that the controller moves."""
+        return tuple(self.axis(name) for name in self.driven)
+
+    @property
+    def loops_closed(self) -> bool:
+        """Whether every axis that the controller moves is under control."""
+        return all(axis.closed for axis in self.driven_axes)
+
+    @property
+    def nothing_open(self) -> bool:
+        """Whether no axis at all is in open loop: a control-A would close it, also one that is only followed."""
+        return all(axis.closed for axis in self.axes)
+
+    @property
+    def loops_open(self) -> bool:
+        """Whether every axis is switched off."""
+        return all("amplifier_enabled" not in a.flags for a in self.axes)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing is commanded to move and no program is left."""
+        return not self.program_running and all("desired_velocity_zero" in a.flags for a in self.axes)
+
+    def obeys_stop(self, *, killed: bool) -> bool:
+        """Whether the controller has taken a stop: every loop is open, or every axis ramps down or rests."""
+        if killed:
+            return self.loops_open
+        ramping = all({"abort_deceleration", "desired_velocity_zero"} & axis.flags for axis in self.driven_axes)
+        return ramping and not self.program_running
+
+    @property
+    def moving(self) -> bool:
+        """Whether something is commanded to move, or a program is left."""
+        return not self.at_rest
+
+    @property
+    def in_position(self) -> bool:
+        """Whether every axis has arrived."""
+        return not self.program_running and all("in_position" in a.flags for a in self.driven_axes)
+
+    @property
+    def open_loops(self) -> tuple[AxisName, ...]:
+        """The axes that the controller should move and does not hold."""
+        return tuple(axis for axis in self.driven if not self.axis(axis).closed)
+
+    @property
+    def homed_axes(self) -> frozenset[AxisName]:
+        """The axes that have found their zero."""
+        return frozenset(axis for axis in self.driven if "home_complete" in self.axis(axis).flags)
+
+    @property
+    def homed(self) -> bool:
+        """Whether every axis that the controller moves has found its zero."""
+        return all("home_complete" in a.flags for a in self.driven_axes)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Names of the fault bits that are set, by axis, and that of a program that ended with an error."""
+        return (*self.axis_faults, *(("program: runtime_error",) if self.runtime_error else ()))
+
+    @property
+    def axis_faults(self) -> tuple[str, ...]:
+        """The same without the program: its error stays set until the next one runs."""
+        pairs = zip(AxisName, self.axes, strict=True)
+        return tuple(f"{axis}: {name}" for axis, state in pairs for name in FAULT_FLAGS if name in state.flags)
+
+    @property
+    def limits(self) -> frozenset[str]:
+        """Those of the faults that are travel limits: an axis may stand on one, and be jogged off it."""
+        return frozenset(fault for fault in self.axis_faults if fault.endswith("_limit"))
+
+    def still(self, other: Snapshot, counts: float) -> bool:
+        """Whether no axis at all, moved by the controller or not, is further than `counts` from where it was."""
+        return all(abs(a.position - b.position) <= counts for a, b in zip(self.axes, other.axes, strict=True))
+
+    def near(self, other: Snapshot, counts: float) -> bool:
+        """Whether no axis that the controller moves is further than `counts` from where it was in `other`."""
+        pairs = zip(self.driven_axes, other.driven_axes, strict=True)
+        return all(abs(a.position - b.position) <= counts for a, b in pairs)
+
+
+def driven_axes(machine: MachineProfile) -> tuple[AxisName, ...]:
+    """Return the axes that the controller moves."""
+    return tuple(axis for axis in AxisName if axis is not AxisName.SPINDLE or not machine.spindle.followed)
+
+
+class SnapshotItems:
+    """What one request asks for: each motor, the program, the words of the console, the safety inputs."""
+
+    def __init__(self, machine: MachineProfile, dialect: Dialect) -> None:
+        """Read the inputs that the profile names.
+
+        Raises:
+            DriverError: `safety.bad_input`.
+        """
+        motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
+        self.driven = driven_axes(machine)
+        self.inputs = inputs_of(machine.safety)
+        self._dialect = dialect
+        self.items = (
+            *(item for motor in motors for item in (f"#{motor}P", "F", "?")),
+            "&1??",
+            "%",
+            f"P{reserved.OWNER}",
+            f"P{reserved.LOST}",
+            *dict.fromkeys(each.item for each in self.inputs),
+        )
+
+    def read(self, replies: Sequence[str], asked_s: float, at_s: float, where: str) -> Snapshot:
+        """Make a snapshot of the replies to `items`.
+
+        Raises:
+            LinkError: `link.out_of_step`, a reply is not what was asked for.
+        """
+        try:
+            tool, spindle, carriage = self._axes(replies)
+            status, override, owner, lost, *words = replies[3 * ITEMS_PER_AXIS :]
+            system = decode(status, self._dialect.system_bits)
+            return Snapshot(
+                asked_s=asked_s,
+                at_s=at_s,
+                tool=tool,
+                spindle=spindle,
+                carriage=carriage,
+                program_running="running_program" in system,
+                runtime_error="runtime_error" in system,
+                driven=self.driven,
+                owner=int(number_of(owner)),
+                lost=int(number_of(lost)),
+                override_percent=float(override),
+                inputs=self._inputs(words),
+            )
+        except ValueError as error:
+            problem = Problem(code="link.out_of_step", where=where, key=" ".join(self.items), value=str(error))
+            raise LinkError(problem) from error
+
+    def _axes(self, replies: Sequence[str]) -> list[AxisState]:
+        starts = range(0, 3 * ITEMS_PER_AXIS, ITEMS_PER_AXIS)
+        return [
+            AxisState(position=float(position), following_error=float(error), flags=_flags(status, self._dialect))
+            for position, error, status in (replies[start : start + ITEMS_PER_AXIS] for start in starts)
+        ]
+
+    def _inputs(self, words: Sequence[str]) -> Mapping[str, bool]:
+        items = dict.fromkeys(each.item for each in self.inputs)
+        met = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
+        good: dict[str, bool] = {}
+        for each in self.inputs:  # a device of two contacts is well when both are
+            good[each.device] = good.get(each.device, True) and each.is_good(met[each.item])
+        return MappingProxyType(good)
+
+
+def _flags(status: str, dialect: Dialect) -> frozenset[str]:
+    """Return the flags of a motor. In open loop the card reports no desired velocity, and so none that is zero."""
+    flags = decode(status, dialect.motor_bits)
+    return flags | {"desired_velocity_zero"} if "open_loop" in flags else flags

@@ -1,0 +1,1 @@
+"""What a cut will do, computed before anything is sent."""

@@ -1,0 +1,86 @@
+"""What a strategy will do, where arithmetic says so without its program: for all but the printed one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.cutting.planning import Strategy
+from drivers.identification.nominal import late_cycles, loop_response, nominal_response
+from drivers.preview.outlook import INVERTING, Outlook, Response, Share, response_of, shares_of
+from drivers.preview.program_prediction import TURN_POINTS, FloatArray, left_by
+from profiles.axis.response import Source
+from profiles.axis.servo import drive_need
+from profiles.compensations.path import Wave
+
+_TURN_DEG: FloatArray = np.linspace(0.0, 360.0, TURN_POINTS, endpoint=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClosedForm:
+    """A cut at the speed of the job, on an axis as it is nominally, or as it was identified.
+
+    The arrays have the shape (TURN_POINTS,), as those of a program, so that a plot of either is dashed alike.
+    `angle_deg` are spindle angles, `command_um` is the infeed that the tool is told there, `residual_um` the
+    deviation of the released part, positive where it is high, mean 0. `response` is that of the loop at
+    `lobe_frequency_hz`, `shares` are the needs of a sine with the amplitude of the command.
+    """
+
+    angle_deg: FloatArray
+    command_um: FloatArray
+    residual_um: FloatArray
+    lobe_frequency_hz: float
+    response: Response
+    shares: dict[str, Share]
+
+    @property
+    def stroke_um(self) -> float:
+        """Way of the tool, peak to peak."""
+        return float(np.ptp(self.command_um))
+
+
+def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
+    """Return what a strategy will do; None where only its program can say.
+
+    Of a lobe E the inverse of T_hat leaves E |1 - T / T_hat| (inverse feedforward at the lobe frequency), a plain
+    cut all of it.
+    """
+    if strategy is Strategy.NONE:
+        command = replace(seen.wanted, amplitude_um=0.0, overtones=())
+    elif strategy in INVERTING and strategy is seen.strategy:
+        command = seen.command
+    else:
+        return None
+    job, machine = seen.job, seen.machine
+    path_um = np.full(TURN_POINTS, command.mean_um)
+    for wave in command.waves:
+        made = Wave.of(wave.lobes, _answer(seen, strategy, wave.lobes) * wave.coefficient)
+        path_um += made.at_um(_TURN_DEG)
+    left_um = left_by(job, _TURN_DEG, path_um)
+    response = seen.sampled
+    if _identified(seen, strategy):
+        response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))
+    # What the tool is told belongs to the angle that the card knew, which the spindle has left since.
+    late_deg = late_cycles(strategy, machine) * machine.controller.servo_period_ms * job.spindle_speed_rpm * 0.006
+    return ClosedForm(
+        angle_deg=_TURN_DEG,
+        command_um=command.at_um(_TURN_DEG - late_deg),
+        residual_um=left_um,
+        lobe_frequency_hz=job.lobe_frequency_hz,
+        response=response,
+        shares=shares_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),
+    )
+
+
+def _answer(seen: Outlook, strategy: Strategy, lobes: int) -> complex:
+    """Return how the axis answers to so many waves in a turn of the spindle, by what this strategy tells it."""
+    frequency_hz = lobes * seen.job.spindle_speed_rpm / 60.0
+    if lobes == seen.job.jaws and _identified(seen, strategy):
+        return seen.response.at(frequency_hz)
+    return nominal_response(strategy, seen.machine, frequency_hz)
+
+
+def _identified(seen: Outlook, strategy: Strategy) -> bool:
+    """Whether the axis was identified on the path of this strategy."""
+    return strategy is seen.strategy and seen.response.source is Source.IDENTIFIED

@@ -1,0 +1,145 @@
+"""What is known of a job without any program: the lobe, the command against it, the drive's need, every rule."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+
+from drivers.cutting.planning import Strategy, nominal_command
+from drivers.identification.nominal import path_response
+from profiles.axis.response import ServoResponse
+from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_response
+from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
+from profiles.compensations.learned import ExpectedPart
+from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, wanted_path
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.rules import Finding, check
+
+INVERTING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
+"""The strategies whose command is the inverse of a response."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Response:
+    """The tool axis at the lobe frequency: gain, phase in radians, and what a plain sine would leave, um p-p."""
+
+    gain: float
+    phase_rad: float
+    residual_um_pp: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Share:
+    """A need against what the machine has, both in the same unit, both peak or both rms."""
+
+    need: float
+    limit: float
+
+    @property
+    def percent(self) -> float:
+        """The need as a percentage of the limit."""
+        return 100.0 * self.need / self.limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlook:
+    """A job on a machine as far as it takes no program: fast enough to follow every key.
+
+    `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `wanted`;
+    where it inverts nothing these are of `pvt`. `shares` are those of the sine of the command, at the speed of the
+    job. `taught` is what a measured part lets expect of one cut with what it has taught, where that is the path:
+    the model knows nothing of what was learned. None is the model's.
+    """
+
+    job: Job
+    machine: MachineProfile
+    strategy: Strategy
+    response: ServoResponse
+    wanted: LobedPath
+    command: LobedPath
+    eq9: Response
+    sampled: Response
+    need: DriveNeed
+    shares: dict[str, Share]
+    grip_margin_n: float
+    findings: tuple[Finding, ...]
+    taught: ExpectedPart | None = None
+
+
+def outlook(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy = Strategy.PVT,
+    response: ServoResponse | None = None,
+    *,
+    path: CutPath | None = None,
+    taught: ExpectedPart | None = None,
+) -> Outlook:
+    """Compute the outlook; `response` is that of the path of `strategy`, by default by the machine profile.
+
+    `path` is what was learned of a cut with `strategy`, with its own command, as that of
+    `drivers.cutting.planning.plan_cut`, and `taught` what the part lets expect that has taught it.
+
+    Raises:
+        ProblemError: `response.amplified`, `response.outside_band`, `response.too_sparse`: the axis cannot be
+            inverted at this speed.
+    """
+    inverting = strategy if strategy in INVERTING else Strategy.PVT
+    inverted = path_response(inverting, machine) if response is None else response
+    command = nominal_command(job, machine, inverting, inverted) if path is None else path.command
+    frequency_hz = job.lobe_frequency_hz
+    need = drive_need(machine, command.amplitude_um, frequency_hz)
+    return Outlook(
+        job=job,
+        machine=machine,
+        strategy=strategy,
+        response=inverted,
+        wanted=wanted_path(job) if path is None else path.wanted,
+        command=command,
+        eq9=response_of(job, complex(eq9_response(machine, frequency_hz))),
+        sampled=response_of(job, complex(sampled_response(machine, frequency_hz))),
+        need=need,
+        shares=shares_of(machine, need),
+        grip_margin_n=grip_margin_n(job, machine),
+        findings=check(job, machine),
+        taught=taught,
+    )
+
+
+def response_of(job: Job, response: complex) -> Response:
+    """Return a response at the lobe frequency with what it would leave of this job."""
+    return Response(
+        gain=abs(response),
+        phase_rad=cmath.phase(response),
+        residual_um_pp=residual_um_pp(job.lobe_error_um_pp, response),
+    )
+
+
+def shares_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
+    """The needs of the sine, by name. All are peak values but `force_rms_n`, which heats the motor.
+
+    The velocity is set against Ix16 of the tool motor, which a program must not exceed (`cut.too_fast`); the
+    voltage is there where the machine profile has that of the amplifier.
+    """
+    tool = machine.tool
+    fastest_mm_per_s = machine.controller.variables[f"I{tool.motor}16"] / tool.counts_per_mm * 1000.0
+    shares = {
+        "velocity_mm_per_s": Share(need=need.velocity_mm_per_s, limit=fastest_mm_per_s),
+        "acceleration_m_per_s2": Share(
+            need=need.acceleration_m_per_s2, limit=tool.encoder_max_acceleration_m_per_s2
+        ),
+        "force_n": Share(need=need.force_n, limit=tool.peak_force_n),
+        "force_rms_n": Share(need=need.force_n / math.sqrt(2.0), limit=tool.continuous_force_n),
+        "current_a": Share(need=need.current_a, limit=tool.peak_current_a),
+    }
+    if tool.bus_voltage_v is not None:
+        shares["voltage_v"] = Share(need=need.voltage_v, limit=tool.bus_voltage_v)
+    return shares
+
+
+def grip_share(job: Job, machine: MachineProfile) -> Share:
+    """Return what centrifugal loss and cut take of the chucking force that may be counted on at rest, N."""
+    taken_n = centrifugal_loss_n(job, machine) + needed_grip_n(job, machine)
+    return Share(need=taken_n, limit=job.chucking_force_n / machine.chuck.safety_factor)

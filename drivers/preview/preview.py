@@ -1,0 +1,171 @@
+"""What a job will do, computed before anything is sent: the program of each strategy, and what it leaves."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.preview.outlook import Outlook, Response, Share, outlook
+from drivers.preview.program_prediction import Prediction, predict
+from profiles.axis.response import ServoResponse
+from profiles.axis.servo import Eq9Summary, eq9_summary
+from profiles.compensations.path import CutPath
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import ProblemError
+
+__all__ = [
+    "Asked",
+    "Prediction",
+    "Preview",
+    "Program",
+    "Response",
+    "Share",
+    "Underway",
+    "all_asked",
+    "preview",
+    "program_of",
+    "underway",
+    "whole",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What one program is made of, see `drivers.cutting.planning.plan_cut`."""
+
+    job: Job
+    machine: MachineProfile
+    strategy: Strategy
+    response: ServoResponse | None = None
+    path: CutPath | None = None
+    air_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """What became of the program of a strategy: the plan and what it leaves, or why there is none.
+
+    The moves of the plan are not in it: thousands of them, and what is made of them is in `prediction`.
+    """
+
+    plan: CutPlan | ProblemError
+    prediction: Prediction | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Underway(Outlook):
+    """A job on a machine while its programs are run through: the outlook, and every program that is there.
+
+    `strategies` says of those what became of them, `predictions` has those that can be planned. `eq9_loop` is None
+    until it is known.
+    """
+
+    eq9_loop: Eq9Summary | None
+    strategies: dict[Strategy, CutPlan | ProblemError]
+    predictions: dict[Strategy, Prediction]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preview(Underway):
+    """Everything that is known of a job on a machine without moving it: the outlook, and every program."""
+
+    eq9_loop: Eq9Summary
+
+
+def preview(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy = Strategy.PVT,
+    response: ServoResponse | None = None,
+    *,
+    path: CutPath | None = None,
+) -> Preview:
+    """Compute the preview of a job; `response` is that of the path of `strategy`, by default by the profile.
+
+    `path` is what was learned of a cut with `strategy`, with its own command.
+
+    Raises:
+        ProblemError: as `outlook`, the axis cannot follow at this speed at all.
+    """
+    seen = outlook(job, machine, strategy, response, path=path)
+    programs = {each.strategy: program_of(each) for each in all_asked(job, machine, strategy, response, path)}
+    return whole(seen, eq9_summary(machine), programs)
+
+
+def all_asked(
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    response: ServoResponse | None,
+    path: CutPath | None,
+    air_mm: float = 0.0,
+) -> tuple[Asked, ...]:
+    """Return what the programs of all strategies are made of; the last three are those of `strategy` alone."""
+    return tuple(
+        Asked(job=job, machine=machine, strategy=each, response=response, path=path, air_mm=air_mm)
+        if each is strategy
+        else Asked(job=job, machine=machine, strategy=each)
+        for each in Strategy
+    )
+
+
+def program_of(asked: Asked) -> Program:
+    """Plan one program, run it through, and predict what it leaves."""
+    with _no_collections():
+        return _made(asked)
+
+
+def _made(asked: Asked) -> Program:
+    try:
+        plan = plan_cut(
+            asked.job,
+            asked.machine,
+            asked.strategy,
+            path=asked.path,
+            response=asked.response,
+            air_mm=asked.air_mm,
+        )
+    except ProblemError as error:
+        return Program(plan=error, prediction=None)
+    prediction = predict(asked.job, asked.machine, plan, asked.response)
+    return Program(plan=replace(plan, checked=replace(plan.checked, moves=())), prediction=prediction)
+
+
+@contextmanager
+def _no_collections() -> Iterator[None]:
+    """Keep the collector away for as long as a program takes.
+
+    Its moves would set off one collection after the other of everything there is, and no key is heard meanwhile.
+    They need none: there is no circle in them.
+    """
+    collected = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collected:
+            gc.enable()
+
+
+def underway(seen: Outlook, eq9_loop: Eq9Summary | None, programs: Mapping[Strategy, Program]) -> Underway:
+    """Return an outlook with the programs that are there."""
+    return Underway(eq9_loop=eq9_loop, **_with_programs(seen, programs))
+
+
+def whole(seen: Outlook, eq9_loop: Eq9Summary, programs: Mapping[Strategy, Program]) -> Preview:
+    """Return an outlook with all programs."""
+    return Preview(eq9_loop=eq9_loop, **_with_programs(seen, programs))
+
+
+def _with_programs(seen: Outlook, programs: Mapping[Strategy, Program]) -> dict[str, Any]:
+    made = {each: programs[each] for each in Strategy if each in programs}
+    return {
+        **{field.name: getattr(seen, field.name) for field in fields(Outlook)},
+        "strategies": {each: program.plan for each, program in made.items()},
+        "predictions": {each: p.prediction for each, p in made.items() if p.prediction is not None},
+    }

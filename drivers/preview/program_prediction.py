@@ -1,0 +1,159 @@
+"""What one planned program makes of the part: its motion, the servo behind it, and what is left."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cutting.planning import CutPlan
+from drivers.identification.nominal import loop_response
+from drivers.pmac.check import CheckedProgram
+from drivers.pmac.trajectory.pieces import Piece, position_at
+from drivers.preview.outlook import Response, Share, response_of, shares_of
+from profiles.axis.response import ServoResponse, Source
+from profiles.axis.servo import drive_need, sampled_response
+from profiles.compensations.path import free_state_lobe
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+FloatArray = NDArray[np.float64]
+
+TURN_POINTS = 720
+"""Points of a turn at which a path is computed: 120 in each move of the paper's program."""
+
+_STEADY_FROM = 0.4
+"""Share of the feed after which the turn that is looked at begins: far from how the cut begins and ends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction:
+    """What one program makes of the part, over one turn of the steady cut; every array has shape (TURN_POINTS,).
+
+    `angle_deg` are spindle angles, rising in [0, 360). `command_um` is the tool as the program has it, `path_um`
+    as the servo follows that, both um of infeed from the surface of the blank. `residual_um` is the deviation of
+    the released part, positive where it is high, mean 0; the clamped blank is taken as round. The arrays are read
+    only. `response` is that of the loop at `lobe_frequency_hz`, `shares` are the needs of a sine with the stroke
+    of the program, both at the speed that the program reaches.
+    """
+
+    angle_deg: FloatArray
+    command_um: FloatArray
+    path_um: FloatArray
+    residual_um: FloatArray
+    lobe_frequency_hz: float
+    response: Response
+    shares: dict[str, Share]
+
+    @property
+    def ront_um(self) -> float:
+        """Roundness that is left, peak to peak."""
+        return float(np.ptp(self.residual_um))
+
+    @property
+    def stroke_um(self) -> float:
+        """Way of the tool as the program has it, peak to peak."""
+        return float(np.ptp(self.command_um))
+
+    @property
+    def mean_um(self) -> float:
+        """Mean depth of the cut on the radius."""
+        return float(np.mean(self.path_um))
+
+
+def predict(job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None = None) -> Prediction:
+    """Return what a planned cut makes of the part.
+
+    The motion is that of the program, move by move; the spindle follows it exactly, the tool as the nominal servo
+    does, and at the lobe frequency as it was identified, where `response` is such, and of the path of this plan.
+    Neither the cutting force nor what nobody has measured of the machine is in it.
+    """
+    angle_deg, command_um = _steady_turn(machine, plan)
+    known = _identified(job, machine, plan, response)
+    path_um = followed(machine, command_um, plan.spindle_speed_rpm, known)
+    frequency_hz = job.jaws * plan.spindle_speed_rpm / 60.0
+    order = np.argsort(angle_deg, kind="stable")
+    need = drive_need(machine, 0.5 * float(np.ptp(command_um)), frequency_hz)
+    return Prediction(
+        angle_deg=_kept(angle_deg[order]),
+        command_um=_kept(command_um[order]),
+        path_um=_kept(path_um[order]),
+        residual_um=_kept(left_by(job, angle_deg, path_um)[order]),
+        lobe_frequency_hz=frequency_hz,
+        response=response_of(job, known.get(job.jaws, complex(sampled_response(machine, frequency_hz)))),
+        shares=shares_of(machine, need),
+    )
+
+
+def left_by(job: Job, angle_deg: FloatArray, path_um: FloatArray) -> FloatArray:
+    """Return the deviation of the released part behind a tool that went so deep at these angles, mean 0, um.
+
+    Where the tool is out of the part (a depth below 0) it takes nothing off.
+    """
+    left_um = free_state_lobe(job).at_um(angle_deg) - np.maximum(path_um, 0.0)
+    return np.asarray(left_um - left_um.mean(), dtype=np.float64)
+
+
+def followed(
+    machine: MachineProfile, command: FloatArray, speed_rpm: float, known: Mapping[int, complex] | None = None
+) -> FloatArray:
+    """Return how the tool servo follows one turn of a motion that comes again every turn.
+
+    `command` are points at equal times, in any unit; the result is in the same. Each frequency passes through the
+    response of the sampled loop, or through that of `known` for its number of waves in a turn; what lies above
+    half of the loop's frequency is left out.
+    """
+    spectrum = np.fft.rfft(command)
+    frequency_hz = np.arange(spectrum.size) * speed_rpm / 60.0
+    heard = frequency_hz < 500.0 / machine.controller.servo_period_ms
+    loop = np.zeros(spectrum.size, dtype=np.complex128)
+    loop[heard] = sampled_response(machine, frequency_hz[heard])
+    for waves, response in (known or {}).items():
+        loop[waves] = response
+    return np.fft.irfft(loop * spectrum, command.size)
+
+
+def _identified(
+    job: Job, machine: MachineProfile, plan: CutPlan, response: ServoResponse | None
+) -> dict[int, complex]:
+    """Return the loop by its number of waves in a turn, where it was identified."""
+    if response is None or response.source is not Source.IDENTIFIED:
+        return {}
+    return {job.jaws: loop_response(plan.strategy, machine, response, job.lobe_frequency_hz)}
+
+
+def _steady_turn(machine: MachineProfile, plan: CutPlan) -> tuple[FloatArray, FloatArray]:
+    """Return spindle angles (deg, in [0, 360)) and infeed (um) of one turn, at points of equal times."""
+    checked = plan.checked
+    pieces = [piece for move in checked.moves for piece in move.pieces]
+    ends_ms = list(accumulate(piece.duration_ms for piece in pieces))
+    carriage = checked.motors.index(machine.carriage.motor)
+    begins = plan.carriage_start + _STEADY_FROM * plan.setup.carriage_counts
+    first = next(i for i, piece in enumerate(pieces) if piece.cubics[carriage][0] >= begins)
+    instants_ms = ends_ms[first] + 60_000.0 / plan.spindle_speed_rpm * np.arange(TURN_POINTS) / TURN_POINTS
+    places = [_at(pieces, ends_ms, float(instant)) for instant in instants_ms]
+    spindle, tool = (_positions(checked, places, motor) for motor in (machine.spindle.motor, machine.tool.motor))
+    return (
+        np.mod(360.0 * spindle / machine.spindle.counts_per_rev, 360.0),
+        (tool - plan.setup.surface) * machine.tool.count_um,
+    )
+
+
+def _at(pieces: Sequence[Piece], ends_ms: Sequence[float], instant_ms: float) -> tuple[Piece, float]:
+    """Return the piece that runs at an instant, and the time since it began, ms."""
+    place = min(bisect_right(ends_ms, instant_ms), len(pieces) - 1)
+    return pieces[place], instant_ms - (ends_ms[place] - pieces[place].duration_ms)
+
+
+def _positions(checked: CheckedProgram, places: Sequence[tuple[Piece, float]], motor: int) -> FloatArray:
+    index = checked.motors.index(motor)
+    return np.array([position_at(piece.cubics[index], time_ms) for piece, time_ms in places])
+
+
+def _kept(values: FloatArray) -> FloatArray:
+    values.setflags(write=False)
+    return values

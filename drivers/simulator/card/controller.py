@@ -1,0 +1,375 @@
+"""The simulated PMAC: variables, motors, coordinate systems, program buffers and its background cycle.
+
+It has no clock of its own: it is advanced by servo cycles. What the background does (limits, replies to the
+host) happens between two blocks.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+
+from drivers.pmac.axes import AxisDefinition, refuse_singular
+from drivers.pmac.dialect import PMAC, Dialect
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.structure import Code, link
+from drivers.pmac.memory import Memory
+from drivers.pmac.plcs.plc import Addressed
+from drivers.pmac.settings import servo_cycle_ms
+from drivers.simulator.card.conversion import Conversion
+from drivers.simulator.card.coordinate import CoordinateSystem
+from drivers.simulator.card.countdown import TimedVariables
+from drivers.simulator.card.gather_buffer import GatherBuffer
+from drivers.simulator.card.guard import Alarm, action_on_fault
+from drivers.simulator.card.jog_motion import HomeSensor
+from drivers.simulator.card.leads import Leads
+from drivers.simulator.card.motor import Motor
+from drivers.simulator.card.plc_programs import PlcPrograms
+from drivers.simulator.card.program_buffer import OpenBuffer, Password, ProgramBuffer
+from drivers.simulator.card.program_host import CardHost
+from drivers.simulator.card.saved_state import Flash
+from drivers.simulator.card.servo import Axis
+from drivers.simulator.card.table_memory import TableMemory
+from drivers.simulator.plant.axis import bare_axis
+
+ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1
+"""Whom a fault kills."""
+
+INDEX_COUNTS = 2000.0
+"""How far apart the home triggers of a motor without a machine are."""
+
+
+class Controller:
+    """State and behaviour of the card; ports and plants are attached from outside."""
+
+    def __init__(
+        self,
+        i_variables: Mapping[int, float],
+        axes: Mapping[int, tuple[Axis, HomeSensor]],
+        definitions: tuple[AxisDefinition, ...],
+        servo_period_ms: float,
+        dialect: Dialect = PMAC,
+        flash: Flash | None = None,
+    ) -> None:
+        """`servo_period_ms` is the true rate of the hardware; I10 only tells the card about it.
+
+        Motors that have no axis in `axes` are ideal ones, with nothing behind them. What `flash` holds comes back.
+
+        Raises:
+            ProfileError: `file.unreadable`, see `Flash.power_up`.
+        """
+        self.servo_period_ms = servo_period_ms
+        self.dialect = dialect
+        self.cycles = 0
+        self.watchdog_tripped = False
+        self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
+        self.host = CardHost(self.switch_plc)
+        self.plcs = PlcPrograms(self.variables, self.host)
+        self.programs: dict[int, ProgramBuffer] = {}
+        self.open_buffer: OpenBuffer | None = None
+        self.password = Password()
+        self.flash = flash or Flash()
+        self.motors = {
+            number: self._motor(number, axes.get(number)) for number in range(1, dialect.motor_count + 1)
+        }
+        self.systems = {
+            number: CoordinateSystem(number, self.variables, self.motors, self.program_code, self.host)
+            for number in range(1, dialect.system_count + 1)
+        }
+        self.tables = TableMemory()
+        self.gather = GatherBuffer(self.variables)
+        self.conversion = Conversion(self.variables, self.motors)
+        self._leads = Leads(self.variables, self.motors, self.systems, self.conversion, self.tables)
+        self._all_systems = tuple(self.systems.values())
+        self._with_plant = frozenset(axes)
+        self._profile_i_variables = dict(i_variables)
+        self._profile_definitions = definitions
+        self._awake: tuple[Motor, ...] = ()
+        self._revision = -1
+        self._define_axes()
+        self.flash.power_up(self)
+        self._power_up()
+
+    @property
+    def cycle_ms(self) -> float:
+        """Servo time as I10 states it, ms: what trajectories are calculated with."""
+        return servo_cycle_ms(self.variables.i(10))
+
+    @property
+    def now_ms(self) -> float:
+        """Time since the start, as a count of servo cycles."""
+        return self.cycles * self.servo_period_ms
+
+    @property
+    def memory(self) -> Memory | None:
+        """The words behind the M-variables."""
+        return self.variables.memory
+
+    @property
+    def pending_commands(self) -> deque[tuple[str, str, Addressed]]:
+        """On-line commands of programs and PLCs (CMD), to be executed in the background, see `CardHost`."""
+        return self.host.pending_commands
+
+    @property
+    def host_messages(self) -> deque[tuple[str, str]]:
+        """Texts of programs for a host (SEND), with the letter of their port."""
+        return self.host.host_messages
+
+    @property
+    def plc_enabled(self) -> frozenset[int]:
+        """The PLCs that are switched on."""
+        return self.plcs.switches.enabled
+
+    @property
+    def any_program_running(self) -> bool:
+        """Whether a coordinate system runs a program."""
+        return any(system.running for system in self._all_systems)
+
+    def run_block(self, cycles: int) -> dict[int, list[float]]:
+        """Run `cycles` servo cycles; return the true machine positions (counts) of each motor that is awake."""
+        if self.variables.i_revision != self._revision:
+            self._follow_settings()
+        if not (self._leads.look() or self.gather.running or self.plcs.foreground):
+            return self._run(cycles, self.cycle_ms)
+        tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
+        done = 0
+        while done < cycles:
+            part = 1 if self._leads.look() or self.gather.running else cycles - done
+            interrupt = self.plcs.cycles_to_interrupt(self.cycles)
+            if self.plcs.foreground:
+                part = min(part, interrupt)
+            for number, track in self._run(part, self.cycle_ms).items():
+                tracks[number] += track
+            if part == interrupt:
+                self.plcs.scan_foreground()
+            done += part
+        return tracks
+
+    def background(self) -> None:
+        """Look at every motor and scan the PLCs, between two servo interrupts and in no fixed time.
+
+        What the PLCs command (CMD) waits in `pending_commands`.
+        """
+        for motor in self._awake:
+            alarm = motor.look()
+            if alarm is Alarm.TRAVEL:
+                self._stop_on_limit(motor)
+            elif alarm is not None:
+                self._trip(motor, alarm)
+        self.plcs.scan_background()
+
+    def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
+        """ENABLE PLC and DISABLE PLC, from wherever they come. It switches all of them or none.
+
+        Raises:
+            PmacError: 007, one to be switched on is open; 009 or 016, it is not well formed.
+        """
+        opened = self.open_buffer
+        if not enable:
+            self.plcs.disable(numbers)
+        elif opened is not None and opened.plc in numbers:
+            raise PmacError(ErrorCode.BUFFER_IN_USE, f"PLC {opened.plc} is open")
+        else:
+            self.plcs.enable(numbers)
+
+    def program_code(self, number: int) -> Code | None:
+        """Return a stored program ready to be run, None when there is no such program.
+
+        Raises:
+            PmacError: 009 or 016, it is not well formed.
+        """
+        buffer = self.programs.get(number)
+        return None if buffer is None else link(tuple(buffer.lines))
+
+    def system_of(self, motor: int) -> CoordinateSystem | None:
+        """Return the coordinate system that a motor is assigned to."""
+        return next((s for s in self._all_systems if motor in s.definitions), None)
+
+    def refuse_in_control(self, motor: int) -> None:
+        """Make sure that no program moves a motor, so that it may be jogged, homed or killed.
+
+        Raises:
+            PmacError: 001, one does.
+        """
+        system = self.system_of(motor)
+        if system is not None and system.in_control:
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor} is moved by &{system.number}")
+
+    def define_axis(self, system: int, motor: int, definition: AxisDefinition | None) -> None:
+        """Assign a motor to axes of a coordinate system.
+
+        Raises:
+            PmacError: 001 while a program moves axes; 003 when the motor belongs to another system, or the motors
+                of the system would not determine its axes.
+        """
+        if any(other.running or other.moving for other in self._all_systems):
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "axis definition")
+        owner = self.system_of(motor)
+        if owner is not None and owner.number != system:
+            raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} is in &{owner.number}")
+        if definition is not None:
+            refuse_singular({**self.systems[system].definitions, motor: definition}.values())
+        self.systems[system].define(motor, definition)
+
+    def read_absolute_position(self, motor: int) -> None:
+        """`$*`: there is no absolute encoder; the motor is killed, not homed, and at 0, with its axes unshifted.
+
+        Raises:
+            PmacError: 001, a program moves it, or is held on its way.
+        """
+        system = self.system_of(motor)
+        if system is not None and (system.running or system.moving):
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor} is moved by &{system.number}")
+        self.motors[motor].read_absolute_position()
+        if system is not None:
+            system.define(motor, system.definitions[motor])
+
+    def start_program(self, system: int) -> None:
+        """R: run the program that a coordinate system points to, or go on with it.
+
+        Raises:
+            PmacError: those of `CoordinateSystem.run`.
+        """
+        self.systems[system].run()
+
+    def step_program(self, system: int) -> None:
+        """S: the same for one move.
+
+        Raises:
+            PmacError: those of `CoordinateSystem.run`.
+        """
+        self.systems[system].step()
+
+    def run_all(self) -> None:
+        """Control-R: R for every coordinate system; one that cannot run is passed over."""
+        self._each(CoordinateSystem.run)
+
+    def step_all(self) -> None:
+        """Control-S: S for every coordinate system; one that cannot run is passed over."""
+        self._each(CoordinateSystem.step)
+
+    def quit_all(self) -> None:
+        """Control-Q: Q for every coordinate system."""
+        self._each(CoordinateSystem.quit)
+
+    def hold_all(self) -> None:
+        """Control-O: H for every coordinate system."""
+        self._each(CoordinateSystem.hold)
+
+    def abort_all(self) -> None:
+        """Control-A: every program is dropped, every activated motor ramps down; open loops are closed."""
+        self._each(CoordinateSystem.kill)
+        for motor in self.motors.values():
+            if motor.activated:
+                motor.abort()
+
+    def kill_all(self) -> None:
+        """Control-K: every loop is opened."""
+        self._each(CoordinateSystem.kill)
+        for motor in self.motors.values():
+            motor.kill()
+
+    def reset(self, factory: Mapping[int, float] | None = None) -> None:
+        """Start again from what was saved or the machine's settings, or from factory defaults, which are no more.
+
+        The password has to be given again; the factory sets none.
+        """
+        self.kill_all()
+        for motor in self.motors.values():
+            motor.reset()
+        self.watchdog_tripped = False
+        self.open_buffer = None
+        self.gather.clear()
+        self.tables.leave()
+        self.conversion.reset()
+        self.host.reset()
+        self.variables.replace_i(self._profile_i_variables if factory is None else factory)
+        self._each(CoordinateSystem.reset)
+        if factory is not None:
+            self.programs.clear()
+            self.plcs.buffers.clear()
+            self.variables.pointers.clear()
+            self.tables.clear()
+            self.password.clear()
+        else:
+            self._define_axes()
+            self.password.lock()
+            self.flash.restore(self)
+        self._power_up()
+
+    def _run(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
+        """Run servo cycles in which nothing leads anything, or a single one."""
+        leads = self._leads
+        if leads.active:
+            leads.begin_cycle()
+        commands: dict[int, list[float]] = {}
+        for system in self._all_systems:
+            if system.busy:
+                commands.update(system.sample(cycles, cycle_ms))
+        self.cycles += cycles
+        tracks = {}
+        for motor in self._awake:
+            if leads.active:
+                leads.correct(motor)
+            tracks[motor.number] = motor.run(cycles, cycle_ms, commands.get(motor.number))
+        if self.gather.running:
+            self.gather.sample()
+        return tracks
+
+    def _motor(self, number: int, behind: tuple[Axis, HomeSensor] | None) -> Motor:
+        cycle_s = self.servo_period_ms / 1000.0
+        axis, home = behind or (bare_axis(cycle_s), HomeSensor(period=INDEX_COUNTS))
+        return Motor(number, self.variables, axis, home)
+
+    def _define_axes(self) -> None:
+        """Define the axes as the machine profile says."""
+        for definition in self._profile_definitions:
+            self.systems[1].define(definition.motor, definition)
+
+    def _power_up(self) -> None:
+        """Begin with the settings that there are: PLCs are on, the loops that Ix80 wants closed are closed."""
+        self.plcs.power_up()
+        for motor in self.motors.values():
+            if motor.activated and int(motor.variable(80)) & 1:
+                motor.enable()
+
+    def _follow_settings(self) -> None:
+        """Take note of which motors are activated: what is not activated is off, and costs nothing."""
+        self._revision = self.variables.i_revision
+        self._kill([motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated])
+        self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
+
+    def _each(self, act: Callable[[CoordinateSystem], None]) -> None:
+        for system in self._all_systems:
+            with suppress(PmacError):
+                act(system)
+
+    def _stop_on_limit(self, motor: Motor) -> None:
+        """A travel limit stops the motor, and the program that moves it with all of its motors."""
+        system = self.system_of(motor.number)
+        if system is not None and (system.running or system.moving):
+            system.abort(closing=False)
+        motor.stop_on_limit()
+
+    def _trip(self, motor: Motor, alarm: Alarm) -> None:
+        """A fault kills the motor and, as the flag mode says, its neighbours; what moved with them ramps down."""
+        system = self.system_of(motor.number)
+        action = action_on_fault(self.variables, motor.number)
+        others: Iterable[Motor] = (motor,)
+        if action == ALL_MOTORS:
+            others = self.motors.values()
+        elif action == MOTORS_OF_SYSTEM and system is not None:
+            others = system.motors
+        self._kill(others)
+        motor.fatal_error = alarm is Alarm.FOLLOWING_ERROR
+        motor.amplifier_fault = alarm is Alarm.AMPLIFIER
+
+    def _kill(self, motors: Iterable[Motor]) -> None:
+        """Kill motors, and abort the programs that move them; the other motors of those ramp down."""
+        numbers = {motor.number for motor in motors}
+        for system in self._all_systems:
+            if not numbers.isdisjoint(system.definitions):
+                system.abort(closing=False)
+        for number in numbers:
+            self.motors[number].kill()

@@ -1,0 +1,351 @@
+"""A coordinate system of the simulated controller: what a host tells it, and what it reports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+from drivers.pmac.axes import AxisDefinition
+from drivers.pmac.dialect import Setting
+from drivers.pmac.execution.modes import Modes
+from drivers.pmac.execution.run import Library, ProgramRun
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.requests import ProgramHost
+from drivers.pmac.trajectory.pieces import Vector
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.axis_frame import AxisFrame
+from drivers.simulator.card.motor import Motor
+from drivers.simulator.card.program_motion import Place, ProgramMotion
+from drivers.simulator.card.time_base import TimeBase
+
+OFF_BY_COUNTS = 1.0 / 32.0
+"""How far a motor may be off the place where a program was stopped; the card reads a count no finer."""
+
+
+def refuse_unfit(motors: Sequence[Motor]) -> None:
+    """Make sure that there are motors, all activated, in closed loop, and free to go at least one way.
+
+    Raises:
+        PmacError: 014, 013, 012, 010, in this order.
+    """
+    if not motors:
+        raise PmacError(ErrorCode.NO_MOTORS, "no motor has an axis")
+    for motor in motors:
+        if not motor.activated:
+            raise PmacError(ErrorCode.NOT_ACTIVATED, f"#{motor.number}")
+    for motor in motors:
+        if not motor.enabled:
+            raise PmacError(ErrorCode.OPEN_LOOP, f"#{motor.number}")
+    for motor in motors:
+        if motor.positive_limit and motor.negative_limit:
+            raise PmacError(ErrorCode.BOTH_LIMITS_SET, f"#{motor.number}")
+
+
+def refuse_moving(motion: ProgramMotion) -> None:
+    """Make sure that no program moves the axes.
+
+    Raises:
+        PmacError: 001, one does.
+    """
+    if motion.running or motion.moving:
+        raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"&{motion.system} is moving")
+
+
+def refuse_busy(motion: ProgramMotion, motors: Sequence[Motor]) -> None:
+    """Make sure that nothing moves the motors, a program or a jog.
+
+    Raises:
+        PmacError: 011, a program that was stopped is not yet at rest; 001, anything else moves them.
+    """
+    if motion.moving and not motion.running and motion.resumable:
+        raise PmacError(ErrorCode.MOVE_NOT_COMPLETED, f"&{motion.system} is not yet at rest")
+    refuse_moving(motion)
+    for motor in motors:
+        if motor.jogging:
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"#{motor.number} is moving")
+
+
+def refuse_moved(motors: Sequence[Motor], stopped: Vector) -> None:
+    """Make sure that every motor is still where a program was stopped, in counts.
+
+    Raises:
+        PmacError: 017, one is not, or moves.
+    """
+    for motor, position in zip(motors, stopped, strict=True):
+        if motor.jogging or abs(motor.desired - position) > OFF_BY_COUNTS:
+            raise PmacError(ErrorCode.OFF_STOPPED_POSITION, f"#{motor.number} was stopped at {position:g} counts")
+
+
+class CoordinateSystem:
+    """Which motors move together, the program that they are pointed at, and how a host lets it move them.
+
+    When a program was stopped on the way (Q, S, STOP, A and the like) it can be resumed, until something else is
+    pointed at. `busy` is whether a block of servo cycles concerns the system at all.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        variables: VariableStore,
+        motors: Mapping[int, Motor],
+        library: Library,
+        host: ProgramHost,
+    ) -> None:
+        self.number = number
+        self.frame = AxisFrame(motors)
+        self.time_base = TimeBase(number, variables)
+        self.program_number: int | None = None
+        self.modes = Modes()
+        self.end_of_block_stop = False
+        self.program_hold = False
+        self.resume_error = False
+        self.busy = False
+        self._motion = ProgramMotion(number, variables, motors, self.frame, self.time_base)
+        self._variables = variables
+        self._library = library
+        self._host = host
+        self._label: int | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether moves of a program are still to be calculated."""
+        return self._motion.running
+
+    @property
+    def moving(self) -> bool:
+        """Whether calculated motion is still being played."""
+        return self._motion.moving
+
+    @property
+    def held(self) -> bool:
+        """Whether a feed hold has brought the motion to rest; the motors may be jogged then."""
+        return self._motion.held_at is not None
+
+    @property
+    def in_control(self) -> bool:
+        """Whether the motors are the program's: nobody else may move them."""
+        return (self.running or self.moving) and not self.held
+
+    @property
+    def dwelling(self) -> bool:
+        """Whether a DWELL is under way."""
+        return self._motion.dwelling
+
+    @property
+    def homing(self) -> bool:
+        """Whether a HOME of the program is under way."""
+        return self._motion.homing
+
+    @property
+    def single_step(self) -> bool:
+        """Whether the program stops, or has stopped, behind a move."""
+        return self._motion.single_step
+
+    @property
+    def runtime_error(self) -> bool:
+        """Whether the last program has ended with an error."""
+        return self._motion.runtime_error
+
+    @property
+    def radius_error(self) -> bool:
+        """Whether that was an arc without a radius, or with one too short."""
+        return self._motion.radius_error
+
+    @property
+    def definitions(self) -> Mapping[int, AxisDefinition]:
+        """The axis definitions by motor."""
+        return self.frame.definitions
+
+    @property
+    def motors(self) -> tuple[Motor, ...]:
+        """The motors of this system, in the order of their numbers."""
+        return self.frame.motors
+
+    @property
+    def override_percent(self) -> float:
+        """The time base as it is now, 100 for real time."""
+        return self.time_base.percent
+
+    def set_override(self, percent: float) -> None:
+        """`%`: ask for another time base.
+
+        Raises:
+            PmacError: 003, below 0.
+        """
+        self.time_base.set_override(percent)
+        self.busy = True
+
+    def define(self, motor: int, definition: AxisDefinition | None) -> None:
+        """Assign a motor to its axes, or clear it."""
+        self._motion.forget()
+        self.frame.define(motor, definition)
+
+    def point(self, program: int, label: int | None = None) -> None:
+        """B: the next R begins there.
+
+        Raises:
+            PmacError: 001, a program runs.
+        """
+        if self.running:
+            raise PmacError(ErrorCode.NOT_WHILE_RUNNING, f"&{self.number} runs a program")
+        self._motion.forget()
+        self.program_number, self._label = program, label
+
+    def run(self) -> None:
+        """R: run the program, go on where it was stopped, or go on after a feed hold.
+
+        Raises:
+            PmacError: 001 something runs, 010 both limits, 011 the stop is not yet done, 012 a motor is open
+                loop, 013 not activated, 014 no motors, 015 no program, 009 or 016 a program that is not well
+                formed, 017 a motor was moved since the stop.
+        """
+        self._go(stepping=False)
+
+    def step(self) -> None:
+        """S: the same for one move, or for what stands between BLOCKSTART and BLOCKSTOP.
+
+        Raises:
+            PmacError: as for `run`.
+        """
+        self._go(stepping=True)
+
+    def quit(self) -> None:
+        """Q: calculate no further move; what is calculated is played, then the motors stop."""
+        self._motion.quit()
+
+    def stop_at_block(self) -> None:
+        """`/`: stop at the end of the move that is played, where moves are segmented; otherwise as Q does."""
+        self.end_of_block_stop = self.running
+        segmented = self._variables.setting(Setting.SEGMENT_MS, self.number) > 0.0
+        if not (segmented and self._motion.take_back()):
+            self._motion.quit()
+
+    def forget_debt(self) -> None:
+        """Another source leads the time: what one that ran backwards has taken away is not owed any more."""
+        self._motion.forget_debt()
+
+    def hold(self) -> None:
+        """H: let the time base go to 0 at Ix95."""
+        self.time_base.hold()
+        self.busy = True
+
+    def quick_hold(self) -> None:
+        """Hold the program (backslash): the same, there being no buffer of segments to stop in."""
+        self.program_hold = self.running or self.moving
+        self.hold()
+
+    def abort(self, closing: bool = True) -> None:
+        """Drop the motion; each motor ramps down by itself, and `closing` closes the loops that are open."""
+        self.kill()
+        for motor in self.motors:
+            if closing or motor.enabled:
+                motor.abort()
+
+    def kill(self) -> None:
+        """Drop the motion; the motors are somebody else's to stop."""
+        self._motion.drop()
+
+    def reset(self) -> None:
+        """Forget everything, as at power-up."""
+        self._motion.reset()
+        self.frame.clear()
+        self.program_number = self._label = None
+        self.modes = Modes()
+        self.time_base.reset()
+        self.resume_error = self.end_of_block_stop = self.program_hold = False
+
+    def match_positions(self) -> None:
+        """PMATCH: take the axes to be where the motors are; a stopped program goes on from there.
+
+        Raises:
+            PmacError: 001, a program moves them.
+        """
+        refuse_moving(self._motion)
+        self.frame.stopped_at = None
+
+    def set_axis(self, axis: str, position: float) -> None:
+        """`X=5`: call the present place of an axis so (user units); nothing moves.
+
+        Raises:
+            PmacError: 001 a program moves, 003 no such axis here.
+        """
+        refuse_moving(self._motion)
+        self._motion.preset({axis: position})
+
+    def zero_axes(self) -> None:
+        """Z: call the present place of every axis zero.
+
+        Raises:
+            PmacError: 001, a program moves them.
+        """
+        refuse_moving(self._motion)
+        self._motion.preset(dict.fromkeys(self.frame.positions(), 0.0))
+
+    def program_counter(self) -> Place:
+        """PC: the program and the line that are calculated next."""
+        return self._motion.calculated_at or (self.program_number or 0, 0)
+
+    def executing(self) -> Place:
+        """PE: the program and the line that are moved by now."""
+        return self._motion.executing_at if self.moving else self.program_counter()
+
+    def sample(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
+        """Return the commands of a block by motor number, nothing when no motion of a program is being played."""
+        commands = self._motion.sample(cycles, cycle_ms)
+        if not commands:
+            self.busy = self.moving or not self.time_base.steady
+        return commands
+
+    def _go(self, stepping: bool) -> None:
+        motion = self._motion
+        # That something runs is what the host has to know first, whatever is wrong with the motors.
+        if self.time_base.holding or not self.in_control:
+            refuse_unfit(self.motors)
+        self.resume_error = False
+        if self.time_base.holding and motion.moving:
+            self._refuse_moved(motion.held_at)
+            motion.release(stepping)
+        else:
+            refuse_busy(motion, self.motors)
+            self._prepare()
+            motion.begin(stepping)
+            self.end_of_block_stop = False
+        self.program_hold, self.busy = False, True
+
+    def _prepare(self) -> None:
+        """Have the program ready that R begins or goes on with."""
+        motion = self._motion
+        if self.program_number is None:
+            raise PmacError(ErrorCode.NO_PROGRAM, f"&{self.number} points to no program")
+        if not motion.resumable:
+            motion.load(self._program(self.program_number))
+            self._label = None
+            return
+        stopped = self.frame.stopped_at
+        self._refuse_moved(stopped)
+        if stopped is None:
+            motion.relocate()
+
+    def _program(self, number: int) -> ProgramRun:
+        if (code := self._library(number)) is None:
+            raise PmacError(ErrorCode.NO_PROGRAM, f"program {number}")
+        return ProgramRun(
+            code,
+            self._variables,
+            self.modes,
+            self.frame.positions(),
+            self.number,
+            strict=False,
+            library=cache(self._library),
+            host=self._host,
+            label=self._label,
+            number=number,
+        )
+
+    def _refuse_moved(self, stopped: Vector | None) -> None:
+        try:
+            if stopped is not None:
+                refuse_moved(self.motors, stopped)
+        except PmacError:
+            self.resume_error = True
+            raise

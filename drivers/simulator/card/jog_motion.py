@@ -1,0 +1,154 @@
+"""The motion of a motor that no program commands: jogs, home searches, and ramps to rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from drivers.pmac.trajectory.jog import change_speed, decelerate, jog_settings, jog_to
+from drivers.pmac.trajectory.pieces import Piece, position_at
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.player import Player
+
+
+class Stage(Enum):
+    """The stages of a move that looks for a trigger: a home search, or a jog until a trigger."""
+
+    SEARCHING = auto()
+    STOPPING = auto()
+    LAST_MOVE = auto()
+    MISSED = auto()
+    """The move has ended without a trigger; known until the next one, so that the host can tell (User Manual)."""
+
+
+class JogMotion:
+    """What a motor plays of its own accord.
+
+    Positions are counts from the motor's zero; `here` and `velocity` (counts/ms) are those that are commanded now.
+    `player` is None at rest. `stage` is None in a move that looks for no trigger; `homes` is whether the trigger
+    is to be the motor's home. `aborting` is a ramp at Ix15, `pre_jog` the way back to where a program was stopped.
+    `began_at` is where the motor was before this move, and those that it has cut short.
+    """
+
+    def __init__(self, motor: int, variables: VariableStore) -> None:
+        self.player: Player | None = None
+        self.stage: Stage | None = None
+        self.homes = False
+        self.aborting = False
+        self.pre_jog = False
+        self.began_at = 0.0
+        self._past_trigger = 0.0
+        self._motor = motor
+        self._variables = variables
+
+    @property
+    def homing(self) -> bool:
+        """Whether a home search is under way, its last move included."""
+        return self.stage is not None and self.homes
+
+    @property
+    def seeking_home(self) -> bool:
+        """Whether the home trigger is being looked for and not yet found."""
+        return self.stage is Stage.SEARCHING and self.homes
+
+    def run_at(self, speed: float, here: float, velocity: float) -> None:
+        """Change to a speed (counts/ms) and keep it; 0 is kept, too, until something else is played."""
+        pieces = change_speed(here, velocity, speed, jog_settings(self._variables, self._motor))
+        end = position_at(pieces[-1].cubics[0], pieces[-1].duration_ms)
+        self._play((*pieces, Piece(float("inf"), ((end, speed, 0.0, 0.0),))), here)
+
+    def stop(self, here: float, velocity: float) -> None:
+        """Come to rest as a jog does."""
+        self._play(self._stopping(here, velocity), here)
+
+    def go_to(self, target: float, here: float, velocity: float) -> None:
+        """Jog to `target`, after a stop when the motor moves."""
+        pieces = self._stopping(here, velocity)
+        start = position_at(pieces[-1].cubics[0], pieces[-1].duration_ms) if pieces else here
+        self._play((*pieces, *jog_to(start, target, jog_settings(self._variables, self._motor))), here)
+
+    def abort(self, here: float, velocity: float) -> None:
+        """Come to rest at Ix15."""
+        pieces = decelerate(here, velocity, self._variables.motor(self._motor, 15))
+        self._play(pieces, here)
+        self.aborting = bool(pieces)
+
+    def seek(self, *, homes: bool, past_trigger: float = 0.0) -> None:
+        """Let the move that has just begun look for the trigger, to end so many counts past it."""
+        self.stage = Stage.SEARCHING
+        self.homes, self._past_trigger = homes, past_trigger
+
+    def meet(self, trigger: float, here: float, velocity: float) -> None:
+        """Stop because the trigger was met, then go where the move is to end."""
+        self.stop(here, velocity)
+        self.stage = Stage.STOPPING
+        self._past_trigger += trigger
+        if self.player is None:
+            self._next_stage(here)
+
+    def forget(self) -> None:
+        """Play nothing."""
+        self.player = None
+        self.stage = None
+        self.aborting = self.pre_jog = False
+
+    def sample(self, cycles: int, cycle_ms: float, here: float) -> list[float]:
+        """Return the commands of a block."""
+        player = self.player
+        if player is None:
+            return [here] * cycles
+        commands = player.sample(cycles, cycle_ms)[0]
+        if player.idle:
+            self.player = None
+            self.aborting = self.pre_jog = False
+            self._next_stage(commands[-1])
+        return commands
+
+    def _next_stage(self, position: float) -> None:
+        """Go on with what follows when a move has ended: past the trigger, and then nothing."""
+        ended, self.stage = self.stage, None
+        if ended is Stage.SEARCHING:
+            self.stage = Stage.MISSED
+        elif ended is Stage.STOPPING:
+            pieces = jog_to(position, self._past_trigger, jog_settings(self._variables, self._motor))
+            if pieces:
+                self.stage = Stage.LAST_MOVE
+                self._queue(pieces, position)
+
+    def _stopping(self, here: float, velocity: float) -> tuple[Piece, ...]:
+        if not velocity:
+            return ()
+        return change_speed(here, velocity, 0.0, jog_settings(self._variables, self._motor))
+
+    def _play(self, pieces: tuple[Piece, ...], here: float) -> None:
+        if self.player is None:
+            self.began_at = here
+        self.forget()
+        if pieces:
+            self._queue(pieces, here)
+
+    def _queue(self, pieces: tuple[Piece, ...], here: float) -> None:
+        self.player = Player((here,))
+        self.player.append(pieces)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HomeSensor:
+    """Where the home trigger is, in machine counts.
+
+    Without a period it is a flag that is met at `position` and stays met below it, at the end of travel; with
+    a period it is an index once a turn.
+    """
+
+    position: float = 0.0
+    period: float | None = None
+
+    def passed(self, before: float, after: float) -> float | None:
+        """Return the machine position of the trigger met on the way from `before` to `after`, if any."""
+        if self.period is None:
+            return self.position if min(before, after) <= self.position else None
+        forward = after >= before
+        mark = math.floor(max(before, after) / self.period) if forward else math.ceil(after / self.period)
+        crossed = mark * self.period
+        return crossed if min(before, after) < crossed <= max(before, after) else None

@@ -1,0 +1,216 @@
+"""What makes a motor or the time of a coordinate system depend on other motors, within the servo cycle.
+
+Compensation tables, position following and external time base. As long as none of them is in use, the card runs
+whole blocks motor by motor; as soon as one is, it runs one servo cycle after another, the motors in the order of
+their numbers: a table whose source has a higher number than its target sees it one cycle late. Time bases and
+followers take what the master has counted in the servo cycle that has just ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.pmac.compensation.table import CompensationTable
+from drivers.pmac.master.following import Following, FollowingMode, FollowingSetup, in_counts, parts_of
+from drivers.pmac.master.time_base_setup import METHOD_SHIFT, TimeBaseEntry
+from drivers.pmac.master.time_base_source import Trigger, TriggeredTimeBase, increment_units
+from drivers.pmac.memory import WORD_BITS
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.conversion import Conversion
+from drivers.simulator.card.coordinate import CoordinateSystem
+from drivers.simulator.card.motor import Motor
+
+TABLES_ON = 51
+"""I51: whether compensation tables are in use."""
+
+_FOLLOWING = (5, 6, 7, 8)
+_TIME_BASE_SOURCE = 93
+_WORD = (1 << WORD_BITS) - 1
+_METHOD = _WORD >> WORD_BITS - METHOD_SHIFT
+"""What is below the method digit of a set-up word."""
+
+
+class Tables(Protocol):
+    """The compensation tables that the card has."""
+
+    @property
+    def tables(self) -> Mapping[int, CompensationTable]:
+        """Those that have all their entries, by the motor that they belong to."""
+
+    @property
+    def revision(self) -> int:
+        """Counts up with every change."""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Follower:
+    motor: Motor
+    master: Motor
+    setup: FollowingSetup
+    state: Following
+
+    def step(self) -> None:
+        parts = parts_of(self.master.counter) & _WORD
+        if parts == self.state.master_parts:
+            return
+        self.state, increment = self.state.step(self.setup, parts)
+        self.motor.follow_master(in_counts(increment, self.setup))
+
+
+@dataclass(slots=True, kw_only=True)
+class _Clock:
+    """A time base entry that coordinate systems are led by; `parts` and `iron` are of the cycle before."""
+
+    entry: TimeBaseEntry
+    master: Motor
+    systems: tuple[CoordinateSystem, ...] = ()
+    parts: int
+    iron: float
+    triggered: TriggeredTimeBase | None
+
+    def step(self) -> int:
+        """Return the time of this servo cycle, 2^-23 ms, and tell the systems."""
+        master = self.master
+        if self.triggered is None:
+            parts = parts_of(master.counter)
+            units = increment_units(self.entry.factor, parts - self.parts)
+            self.parts = parts
+        else:
+            caught = master.passed_index(self.iron, master.iron)
+            captured = None if caught is None else round(caught + master.counter - master.iron)
+            self.triggered, units = self.triggered.step(round(master.counter), captured)
+            self.iron = master.iron
+        for system in self.systems:
+            system.time_base.lead(units)
+            system.busy = True
+        return units
+
+
+class Leads:
+    """Follows the settings, and does in each servo cycle what they ask for."""
+
+    def __init__(
+        self,
+        variables: VariableStore,
+        motors: Mapping[int, Motor],
+        systems: Mapping[int, CoordinateSystem],
+        conversion: Conversion,
+        tables: Tables,
+    ) -> None:
+        self.active = False
+        self._variables = variables
+        self._motors = motors
+        self._systems = systems
+        self._conversion = conversion
+        self._tables = tables
+        self._seen = (-1, -1, -1)
+        self._clocks: dict[int, _Clock] = {}
+        self._followers: dict[int, _Follower] = {}
+        self._corrected: dict[int, list[CompensationTable]] = {}
+
+    def look(self) -> bool:
+        """Read the settings if they may have changed; return whether anything depends on anything."""
+        now = (self._variables.i_revision, self._conversion.revision, self._tables.revision)
+        if now != self._seen:
+            self._seen = now
+            self._find_clocks()
+            self._find_followers()
+            self._find_tables()
+            self.active = bool(self._clocks or self._followers or self._corrected)
+        return self.active
+
+    def begin_cycle(self) -> None:
+        """Take what the masters have counted in the servo cycle that has just ended."""
+        for line, clock in self._clocks.items():
+            before = clock.triggered.state if clock.triggered else None
+            self._conversion.results[line] = clock.step()
+            if clock.triggered and clock.triggered.state is not before:
+                self._note_trigger(line - 1, clock.triggered.state)
+        for follower in self._followers.values():
+            follower.step()
+        for number in self._corrected:
+            motor = self._motors[number]
+            if not motor.activated:
+                self.correct(motor)  # it has no turn of its own, and must not be thrown when it has one again
+
+    def correct(self, motor: Motor) -> None:
+        """Work out the correction of a motor from where its sources are by now."""
+        tables = self._corrected.get(motor.number)
+        if tables:
+            motor.correction = sum(table.correction(*self._places(table)) for table in tables)
+
+    def _places(self, table: CompensationTable) -> list[float]:
+        motors = self._motors
+        return [
+            motors[source.motor].desired if source.desired else motors[source.motor].encoder
+            for source in table.definition.sources
+        ]
+
+    def _note_trigger(self, line: int, state: Trigger) -> None:
+        """Let a host see in the set-up word that time has begun."""
+        self._conversion.set_word(line, self._conversion.word(line) & _METHOD | state << METHOD_SHIFT)
+
+    def _find_clocks(self) -> None:
+        """Find the time base entries that are in use; one that was in use goes on from where it is."""
+        before, self._clocks = self._clocks, {}
+        self._conversion.results.clear()
+        for system in self._systems.values():
+            address = int(self._variables.system(system.number, _TIME_BASE_SOURCE))
+            line, entry = self._conversion.line_at(address), self._conversion.time_base(address)
+            master = self._master(entry)
+            if line is None or entry is None or master is None:
+                # Where nothing counts no time passes; what is no line of the table is the register of `%`.
+                if system.time_base.led:
+                    system.busy = True
+                    system.forget_debt()
+                system.time_base.lead(None if line is None else 0)
+                continue
+            clock = self._clocks.get(line) or _clock(entry, master, before.get(line))
+            if line not in before or system not in before[line].systems:
+                system.forget_debt()
+            clock.systems = (*clock.systems, system)
+            self._clocks[line] = clock
+
+    def _master(self, entry: TimeBaseEntry | None) -> Motor | None:
+        if entry is None:
+            return None
+        find = self._conversion.encoder if entry.trigger is None else self._conversion.channel
+        return find(entry.source)
+
+    def _find_followers(self) -> None:
+        before, self._followers = self._followers, {}
+        dialect = self._variables.dialect
+        for number, motor in self._motors.items():
+            settings = {dialect.motor_index(number, each): motor.variable(each) for each in _FOLLOWING}
+            setup = FollowingSetup.of_motor(number, settings, dialect)
+            motor.offset_following = setup.offset
+            master = self._conversion.encoder(setup.master) if setup.mode is not FollowingMode.OFF else None
+            if master is None:
+                continue
+            follower = before.get(number)
+            parts = parts_of(master.counter) & _WORD
+            goes_on = follower is not None and follower.master is master
+            state = follower.state if follower is not None and goes_on else Following(master_parts=parts)
+            self._followers[number] = _Follower(motor=motor, master=master, setup=setup, state=state)
+
+    def _find_tables(self) -> None:
+        self._corrected = {}
+        if not self._variables.i(TABLES_ON):
+            return
+        for table in self._tables.tables.values():
+            self._corrected.setdefault(table.definition.target, []).append(table)
+
+
+def _clock(entry: TimeBaseEntry, master: Motor, before: _Clock | None) -> _Clock:
+    """Return the clock of an entry. What its master did before it was in use is not made up for."""
+    same = before is not None and before.master is master and (before.triggered is None) == (entry.trigger is None)
+    parts, iron, counts = parts_of(master.counter), master.iron, round(master.counter)
+    if before is not None and same:
+        parts, iron = before.parts, before.iron
+        counts = before.triggered.counts if before.triggered else counts
+    triggered = None
+    if entry.trigger is not None:
+        triggered = TriggeredTimeBase(state=entry.trigger, factor=entry.factor, counts=counts)
+    return _Clock(entry=entry, master=master, parts=parts, iron=iron, triggered=triggered)

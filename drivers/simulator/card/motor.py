@@ -1,0 +1,209 @@
+"""A motor of the simulated controller: what it is told by a host, and what it reports."""
+
+from __future__ import annotations
+
+from math import inf
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.jog_motion import HomeSensor, Stage
+from drivers.simulator.card.motor_loop import MotorLoop
+from drivers.simulator.card.servo import Axis
+
+FULL_OUTPUT_PERCENT = 100.0
+
+
+class Motor(MotorLoop):
+    """A loop that is closed, opened, jogged and sent home.
+
+    What is reported, and what a jog is told, has `bias` added to the counts of the loop, by which PSET and its
+    like have moved the zero of the axes. `offset_following` keeps what is followed out of what is reported.
+    """
+
+    def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
+        super().__init__(number, variables, axis, home)
+        self.bias = 0.0
+        self.variable_jog = 0.0
+
+    @property
+    def activated(self) -> bool:
+        """Whether Ix00 is set."""
+        return self.variable(0) != 0.0
+
+    @property
+    def position(self) -> float:
+        """Actual position as it is reported."""
+        followed = self.superimposed if self.offset_following else 0.0
+        return self.encoder + self.bias - followed
+
+    @property
+    def positive_limit(self) -> bool:
+        """Whether travel in the positive direction is barred. Not looked at while the amplifier is off."""
+        return self.travel.positive
+
+    @property
+    def negative_limit(self) -> bool:
+        """Whether travel in the negative direction is barred. Not looked at while the amplifier is off."""
+        return self.travel.negative
+
+    @property
+    def stopped_on_limit(self) -> bool:
+        """Whether a limit has stopped the motor since its last move began."""
+        return self.travel.stopped
+
+    @property
+    def jogging(self) -> bool:
+        """Whether a jog or a home search is being played."""
+        return self._jog.player is not None
+
+    @property
+    def aborting(self) -> bool:
+        """Whether the motor comes to rest at Ix15."""
+        return self._jog.aborting
+
+    @property
+    def pre_jog(self) -> bool:
+        """Whether the motor is on its way back to where a program was stopped (J=)."""
+        return self._jog.pre_jog
+
+    @property
+    def homing(self) -> bool:
+        """Whether a home search is under way, its last move included."""
+        return self._jog.homing
+
+    @property
+    def searching(self) -> bool:
+        """Whether a trigger is being looked for and not yet found."""
+        return self._jog.stage is Stage.SEARCHING
+
+    @property
+    def trigger_move(self) -> bool:
+        """Whether the motor moves until a trigger and to the end behind it, or has met none on its last move."""
+        return self._jog.stage is not None
+
+    def enable(self) -> None:
+        """Close the loop where the motor stands."""
+        if not self.enabled:
+            self.enabled = True
+            self._output = None
+            self.fatal_error = self.amplifier_fault = False
+            here = self.axis.close_loop()
+            self.desired, self.velocity = here - self.correction - self.superimposed, 0.0
+            self._look_at_travel(self.encoder, self.guard)
+
+    def kill(self) -> None:
+        """Open the loop; the axis coasts."""
+        self.enabled = False
+        self._output = None
+        self._jog.forget()
+
+    def reset(self) -> None:
+        """Start as at power-up: killed, not homed, and at position 0 wherever the iron is."""
+        self.read_absolute_position()
+        self.fatal_error = self.amplifier_fault = False
+        self.home_capture = self.variable_jog = self.correction = self.superimposed = 0.0
+        self.stopped_at = None
+        self.travel.reset()
+        self._power_up_origin = self.axis.origin
+
+    def read_absolute_position(self) -> None:
+        """Take the present place for 0, killed and not homed: there is no absolute encoder to ask."""
+        self.kill()
+        self.home_complete = False
+        self._rebase(self.encoder)
+        self.bias = self.superimposed = 0.0
+
+    def phase(self) -> None:
+        """`$`: there is nothing to phase; the loop is closed where the motor stands.
+
+        Raises:
+            PmacError: 018, the motor moves.
+        """
+        if self.velocity or self.jogging:
+            raise PmacError(ErrorCode.PHASE_REFERENCE, f"#{self.number} moves")
+        self.enable()
+
+    def open_loop(self, percent: float) -> None:
+        """Open the loop and hold the output at `percent` of Ix69, at most all of it, as on the card."""
+        share = max(-FULL_OUTPUT_PERCENT, min(percent, FULL_OUTPUT_PERCENT)) / FULL_OUTPUT_PERCENT
+        self._jog.forget()
+        self.enabled = False
+        self.fatal_error = self.amplifier_fault = False
+        self._look_at_travel(self.encoder, self.guard)
+        self.travel.stopped = self.travel.bars(share)
+        self._output = 0.0 if self.travel.stopped else share
+
+    def jog_speed(self, direction: int) -> None:
+        """Jog for ever in `direction`; 0 stops, and closes the loop of a killed motor."""
+        self.enable()
+        if self._barred(direction):
+            return
+        speed = direction * abs(self.variable(22))
+        if speed:
+            self._jog.run_at(speed, self.desired, self.velocity)
+        else:
+            self._jog.stop(self.desired, self.velocity)
+
+    def jog_to(self, position: float, past_trigger: float | None = None) -> None:
+        """Jog to a reported position in counts, after a stop when the motor moves.
+
+        With `past_trigger`, the motor stops when it meets the home trigger and goes so many counts past it.
+        """
+        self._go_to(position - self.bias, past_trigger)
+
+    def jog_by(self, distance: float, from_actual: bool = False, past_trigger: float | None = None) -> None:
+        """Jog by `distance` counts from the commanded position, or from the actual one."""
+        self.enable()
+        here = self.encoder - self.correction - self.superimposed if from_actual else self.desired
+        self._go_to(here + distance, past_trigger)
+
+    def jog_back(self) -> None:
+        """Jog to where a stopped program left the motor, or else to where it stood before its last jog."""
+        self._go_to(self._jog.began_at if self.stopped_at is None else self.stopped_at)
+        self._jog.pre_jog = self.jogging and not self.travel.stopped
+
+    def home(self) -> None:
+        """Search the home trigger at Ix23; Ix13 and Ix14 mean nothing until it is found."""
+        self.enable()
+        speed = self.variable(23)
+        self.home_complete = False
+        self.travel.look(self.encoder, inf, -inf, pins_used=self.guard.switches_used)
+        if self._barred(speed):
+            return
+        self._jog.run_at(speed, self.desired, self.velocity)
+        self._jog.seek(homes=True)
+
+    def home_zero(self) -> None:
+        """Call the present place home without a move; the following error stays what it is."""
+        here = self.desired if self.enabled else self.encoder
+        self._jog.forget()
+        self._declare_home(here, here)
+
+    def abort(self) -> None:
+        """Come to rest at Ix15; an open loop is closed."""
+        self.enable()
+        self._jog.abort(self.desired, self.velocity)
+
+    def stop_on_limit(self) -> None:
+        """Come to rest at Ix15, or take an open-loop output away, because there is no way further."""
+        if self.enabled:
+            self.abort()
+        else:
+            self._output = 0.0
+        self.travel.stopped = True
+
+    def _go_to(self, target: float, past_trigger: float | None = None) -> None:
+        self.enable()
+        if self._barred(target - self.desired):
+            return
+        self._jog.go_to(target, self.desired, self.velocity)
+        if past_trigger is not None and self.jogging:
+            self._jog.seek(homes=False, past_trigger=past_trigger)
+
+    def _barred(self, direction: float) -> bool:
+        """Whether a limit lets the motor not go there. It stops, or stays, and that is all that the card says."""
+        barred = self.travel.bars(direction)
+        self.travel.stopped = barred or (self.travel.stopped and not direction)
+        if barred and self.velocity:
+            self._jog.stop(self.desired, self.velocity)
+        return barred

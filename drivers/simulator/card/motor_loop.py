@@ -1,0 +1,248 @@
+"""The loop of a motor: what every servo cycle makes of it, and what the background cycle finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from drivers.pmac.settings import PARTS_PER_COUNT
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
+from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, Stage
+from drivers.simulator.card.servo import Axis
+from drivers.simulator.plant.axis import Scale, read_encoder
+
+
+class MotorLoop:
+    """Where a motor is told to be and where it is, in counts from its zero; `axis` is the iron behind it.
+
+    `enabled` is closed loop. `program_timer` is whether a coordinate system is playing a program with this motor.
+    `stopped_at` is where a program that can be resumed has left the motor. `fault_input` is what the amplifier
+    says; somebody else sets it, as the pins of `travel` and `index_lost`, that no home trigger is met.
+
+    The loop is told `desired`, with `correction` (of compensation tables, or whoever writes their register) and
+    `superimposed` (what is followed of a master and not yet part of `desired`) added to it, all in counts. What is
+    followed becomes part of `desired` as soon as nothing else moves the motor, unless `offset_following` keeps it
+    out. `iron` is where the axis is by its machine position, whatever the encoder says, `pace` how far it has gone
+    in its last servo cycle, and `cycles_run` how many it has run. `scale` is what the axis is read by.
+    """
+
+    def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
+        self.number = number
+        self.axis = axis
+        self.enabled = False
+        self.home_complete = False
+        self.home_capture = 0.0
+        self.fatal_error = False
+        self.amplifier_fault = False
+        self.fault_input = False
+        self.desired = 0.0
+        self.velocity = 0.0  # commanded, counts/ms
+        self.actual = 0.0
+        self.correction = 0.0
+        self.superimposed = 0.0
+        self.offset_following = False
+        self.iron = axis.origin
+        self.pace = 0.0
+        self.cycles_run = 0
+        self.scale = Scale()
+        self.index_lost = False
+        self.program_timer = False
+        self.stopped_at: float | None = None
+        self.travel = TravelLimits()
+        self._output: float | None = None
+        self._last_actual = 0.0
+        self._led_since_look = 0.0
+        self._correction_at_look = 0.0
+        self._lost_counts = 0.0
+        self._losing = False
+        self._variables = variables
+        self._home = home
+        self._jog = JogMotion(number, variables)
+        self._power_up_origin = axis.origin
+        self._looks = 0
+        self._guard = read_guard(variables, number)
+        self._guard_revision = variables.i_revision
+
+    @property
+    def amplifier_enabled(self) -> bool:
+        """Whether the amplifier is on: in closed loop, or with an open-loop output."""
+        return self.enabled or self._output is not None
+
+    @property
+    def encoder(self) -> float:
+        """Actual position as the encoder counts it."""
+        return float(read_encoder(self.actual + self.scale.now))
+
+    @property
+    def counter(self) -> float:
+        """What the encoder has counted since power-up, with the fraction of a count; homing leaves it alone."""
+        return self.actual + self.axis.origin - self._lost_counts
+
+    @property
+    def net_desired(self) -> float:
+        """What the loop is told to be, in counts."""
+        return self.desired + self.correction + self.superimposed
+
+    @property
+    def encoder_step(self) -> float:
+        """Actual velocity in counts per servo cycle."""
+        return self.encoder - read_encoder(self._last_actual + self.scale.before)
+
+    @property
+    def following_error(self) -> float:
+        """What the loop is told minus actual position, in counts; 0 in open loop."""
+        return self.net_desired - self.encoder if self.enabled else 0.0
+
+    @property
+    def warning(self) -> bool:
+        """Whether the following error is above Ix12, or was when it killed the motor."""
+        return self.fatal_error or abs(self.following_error) > self.guard.warning_error
+
+    @property
+    def in_position(self) -> bool:
+        """Closed loop, at rest, no program timer, and within Ix28, for as many scans as are asked for."""
+        guard = self.guard
+        return self._looks > guard.looks and self._settled(abs(self.following_error), guard)
+
+    @property
+    def guard(self) -> Guard:
+        """The settings that are watched, as they stand."""
+        revision = self._variables.i_revision
+        if revision != self._guard_revision:
+            self._guard, self._guard_revision = read_guard(self._variables, self.number), revision
+        return self._guard
+
+    def variable(self, number: int) -> float:
+        """Return Ix`number` of this motor."""
+        return self._variables.motor(self.number, number)
+
+    def run(self, cycles: int, cycle_ms: float, commands: Sequence[float] | None) -> list[float]:
+        """Run a block; `commands` come from a coordinate system, None means the motor's own jog.
+
+        Returns:
+            The true machine position (counts) at each servo cycle.
+        """
+        if self._losing or self.axis.encoder_lost:
+            self._count_losses()
+        if self.superimposed and not (self.offset_following or self.program_timer or self._jog.player):
+            self._absorb()
+        added = self.correction + self.superimposed
+        if not self.enabled:
+            track = self.axis.coast(cycles) if self._output is None else self.axis.push(self._output, cycles)
+            self.velocity = 0.0
+        else:
+            commands = self._jog.sample(cycles, cycle_ms, self.desired) if commands is None else commands
+            track = self.axis.follow([command + added for command in commands] if added else commands)
+            before = commands[-2] if cycles > 1 else self.desired
+            self.desired, self.velocity = commands[-1], (commands[-1] - before) / cycle_ms
+        start, origin = self.iron, self.axis.origin
+        machine = [position + origin for position in track] if origin else track
+        self.iron = machine[-1]
+        self.pace = self.iron - (machine[-2] if cycles > 1 else start)
+        self.cycles_run += cycles
+        self._last_actual = track[-2] if cycles > 1 else self.actual
+        if self._losing:
+            self._last_actual = self.actual
+        else:
+            self.actual = track[-1]
+        if not self.enabled:
+            self.desired = self.encoder - added
+        if self._jog.stage is Stage.SEARCHING:
+            self._search(start, self.iron)
+        return machine
+
+    def passed_index(self, before: float, after: float) -> float | None:
+        """Return where the home trigger was met between two machine positions, if it was."""
+        return None if self.index_lost else self._home.passed(before, after)
+
+    def follow_master(self, counts: float) -> None:
+        """Go `counts` with a master, in closed loop and as far as the limits of travel let it."""
+        if not self.enabled:
+            return
+        if self.travel.bars(counts):
+            self.travel.stopped = True
+            return
+        self.superimposed += counts
+        self._led_since_look += counts
+
+    def look(self) -> Alarm | None:
+        """Look at limits, following error and position, as the background does; say what calls for action."""
+        if not self.enabled and self._output is None:
+            self._looks = 0
+            return None
+        guard = self.guard
+        here = self.encoder
+        error = abs(self.net_desired - here) if self.enabled else 0.0
+        travel = self.travel
+        if not guard.lowest <= here <= guard.highest or travel.concerned:
+            self._look_at_travel(here, guard)
+        self._looks = self._looks + 1 if self._settled(error, guard) else 0
+        if self.fault_input and guard.fault_used:
+            return Alarm.AMPLIFIER
+        if error > guard.fatal_error:
+            return Alarm.FOLLOWING_ERROR
+        led = self._led_since_look + self.correction - self._correction_at_look
+        self._led_since_look, self._correction_at_look = 0.0, self.correction
+        heading = (self.velocity or led) if self._output is None else self._output
+        if heading and not self._jog.aborting and travel.bars(heading):
+            return Alarm.TRAVEL
+        return None
+
+    def _absorb(self) -> None:
+        """Make what was followed motion of the motor itself; a program goes on from wherever that has led to."""
+        self.desired += self.superimposed
+        self.superimposed, self.stopped_at = 0.0, None
+
+    def _count_losses(self) -> None:
+        """While the encoder does not count, the reading stays; what was lost meanwhile stays lost."""
+        lost = self.axis.encoder_lost
+        if self._losing and not lost:
+            missed = self.iron - self.axis.origin - self.actual
+            self.axis.rebase(missed)
+            self._lost_counts += missed
+        self._losing = lost
+
+    def _look_at_travel(self, here: float, guard: Guard) -> None:
+        """Ix13 and Ix14 rest while the home trigger is being searched: where zero is, is not known then."""
+        highest, lowest = (inf, -inf) if self._jog.seeking_home else (guard.highest, guard.lowest)
+        self.travel.look(here, highest, lowest, pins_used=guard.switches_used)
+
+    def _settled(self, error: float, guard: Guard) -> bool:
+        return (
+            self.enabled
+            and self.velocity == 0.0
+            and self._jog.player is None
+            and not self.program_timer
+            and error < guard.in_position
+        )
+
+    def _search(self, start: float, end: float) -> None:
+        """Capture the trigger, make it the home where it is one, and stop."""
+        trigger = self.passed_index(start, end)
+        if trigger is None:
+            return
+        caught = trigger - self.axis.origin
+        if self._jog.homes:
+            if not self.offset_following:
+                self._absorb()
+            self._declare_home(caught + self.variable(26) / PARTS_PER_COUNT, caught)
+            caught = 0.0
+        else:
+            caught -= self.correction + self.superimposed
+        self._jog.meet(caught, self.desired, self.velocity)
+
+    def _declare_home(self, zero: float, captured: float) -> None:
+        """Make `zero` the motor's zero; what was captured is kept in counts from power-up."""
+        self.home_capture = captured + self.axis.origin - self._power_up_origin
+        self._rebase(zero)
+        self.home_complete = True
+
+    def _rebase(self, offset: float) -> None:
+        """Make `offset` the new zero; the iron does not move."""
+        self.axis.rebase(offset)
+        self.desired -= offset
+        self.actual -= offset
+        self._last_actual -= offset
+        self._jog.began_at -= offset
+        self.stopped_at = None  # a program goes on from where the motor is, in the counts that hold now

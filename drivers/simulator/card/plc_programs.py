@@ -1,0 +1,135 @@
+"""The PLCs of the card: their texts, which of them are on, and their scans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.plc_structure import link_plc
+from drivers.pmac.plcs.plc import Addressed, PlcFault, PlcHost, PlcRun
+from drivers.pmac.plcs.schedule import (
+    FOREGROUND_PLC,
+    PlcSwitches,
+    background_order,
+    foreground_runs,
+    power_up,
+)
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.program_buffer import PlcBuffer
+
+PERMISSION = 5
+"""I5: which PLCs may run."""
+
+INTERRUPT_PERIOD = 8
+"""I8: servo cycles of a real-time interrupt, less one."""
+
+
+class PlcPrograms:
+    """What is stored in `buffers`, by number, and what is on its way.
+
+    `faults` are the run-time errors that have switched PLCs off, until those are switched on again.
+    """
+
+    def __init__(self, variables: VariableStore, host: PlcHost) -> None:
+        self.buffers: dict[int, PlcBuffer] = {}
+        self.switches = PlcSwitches()
+        self.faults: dict[int, PlcFault] = {}
+        self._variables = variables
+        self._host = host
+        self._runs: dict[int, PlcRun] = {}
+        self._addressed: dict[int, Addressed] = {}
+
+    @property
+    def foreground(self) -> bool:
+        """Whether real-time interrupts have anything to do: PLC 0 has text, is on, and I5 permits it."""
+        enabled = self.switches.enabled
+        return bool(enabled) and foreground_runs(self._variables.i(PERMISSION), enabled, self._runs)
+
+    def cycles_to_interrupt(self, cycles: int) -> int:
+        """Return how many servo cycles after the first `cycles` the next real-time interrupt is, from 1."""
+        period = max(1, int(self._variables.i(INTERRUPT_PERIOD)) + 1)
+        return period - cycles % period
+
+    def open(self, number: int) -> PlcBuffer:
+        """Return the buffer of a PLC to be filled: the PLC is off, and what it has addressed stays."""
+        self._forget(number)
+        return self.buffers.setdefault(number, PlcBuffer())
+
+    def delete(self, number: int) -> None:
+        """Remove a PLC, if it is there; what it has addressed is kept for the next one of that number."""
+        self._forget(number)
+        self.buffers.pop(number, None)
+
+    def enable(self, numbers: Sequence[int]) -> None:
+        """Switch PLCs on, all or none. One that is on already goes on, one without text does nothing.
+
+        Raises:
+            PmacError: 009 or 016, one of them is not well formed.
+        """
+        new = [number for number in dict.fromkeys(numbers) if number not in self.switches.enabled]
+        self._runs.update([(number, self._run(number)) for number in new if self._needs_run(number)])
+        for number in new:
+            self.faults.pop(number, None)
+        self.switches = self.switches.enable(new)
+
+    def disable(self, numbers: Sequence[int]) -> None:
+        """Switch PLCs off."""
+        self.switches = self.switches.disable(numbers)
+
+    def disable_all(self) -> None:
+        """Control-D."""
+        self.switches = PlcSwitches()
+
+    def power_up(self) -> None:
+        """Begin anew: every stored PLC is on, but for one that is not well formed."""
+        self.switches = PlcSwitches()
+        self.faults.clear()
+        self._runs.clear()
+        self._addressed.clear()
+        sound = []
+        for number, buffer in self.buffers.items():
+            with suppress(PmacError):
+                if buffer.lines:
+                    self._runs[number] = self._run(number)
+                sound.append(number)
+        self.switches = power_up(sound)
+
+    def scan_foreground(self) -> None:
+        """Let PLC 0 have its scan at a real-time interrupt."""
+        if self.foreground:
+            self._scan(FOREGROUND_PLC)
+
+    def scan_background(self) -> None:
+        """Let each of PLC 1 to 31 have its scan of this background cycle."""
+        if not self.switches.enabled:
+            return
+        for number in background_order(self._variables.i(PERMISSION), self.switches.enabled, self._runs):
+            # An earlier one of this cycle may have switched it off.
+            if number in self.switches.enabled:
+                self._scan(number)
+
+    def _scan(self, number: int) -> None:
+        run = self._runs[number]
+        if number in self.switches.at_top:
+            run.restart()
+            # Before the scan: it may switch itself off and on, and then begins at its top again.
+            self.switches = self.switches.scanned(number)
+        fault = run.scan()
+        if fault is not None:
+            self.faults[number] = fault
+            self.disable((number,))
+
+    def _needs_run(self, number: int) -> bool:
+        buffer = self.buffers.get(number)
+        return buffer is not None and bool(buffer.lines) and number not in self._runs
+
+    def _run(self, number: int) -> PlcRun:
+        code = link_plc(tuple(self.buffers[number].lines))
+        return PlcRun(code, self._variables, self._host, self._addressed.get(number))
+
+    def _forget(self, number: int) -> None:
+        self.disable((number,))
+        run = self._runs.pop(number, None)
+        if run is not None:
+            self._addressed[number] = run.addressed

@@ -1,0 +1,292 @@
+"""The motion of a program: calculated one move ahead, played, stopped on its way and gone on with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from copy import copy
+
+from drivers.pmac.execution.run import ProgramRun
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.requests import Deferred, Halt, HomeRequest, PresetRequest
+from drivers.pmac.trajectory.circle import CircleRadiusError
+from drivers.pmac.trajectory.pieces import Piece, Vector
+from drivers.pmac.trajectory.planned import Event
+from drivers.pmac.trajectory.planner import MotionPlanner
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.axis_frame import AxisFrame
+from drivers.simulator.card.motor import Motor
+from drivers.simulator.card.player import Player
+from drivers.simulator.card.time_base import TimeBase
+
+Place = tuple[int, int]
+"""A program and a line in it."""
+
+
+class ProgramMotion:
+    """The program that moves the motors of a coordinate system, or has moved them until it was stopped.
+
+    It is `running` while moves are still to be calculated. `single_step` lets it stop behind the next one.
+    `executing_at` is what is played. The planner stays as long as the program can be gone on with: up to its end,
+    a run-time error, or something else that is pointed at. What is calculated is played to its end without it.
+    """
+
+    def __init__(
+        self,
+        system: int,
+        variables: VariableStore,
+        motors: Mapping[int, Motor],
+        frame: AxisFrame,
+        time_base: TimeBase,
+    ) -> None:
+        """`motors` are all of the card, for HOME; those of the axes are in `frame`."""
+        self.running = False
+        self.single_step = False
+        self.runtime_error = False
+        self.radius_error = False
+        self.executing_at: Place = (0, 0)
+        self.system = system
+        self._variables = variables
+        self._motors = motors
+        self._frame = frame
+        self._time_base = time_base
+        self._planner: MotionPlanner | None = None
+        self._player: Player | None = None
+        self._event: Event | None = None
+        self._newest: tuple[Piece, ...] = ()
+        self._homing: tuple[Motor, ...] = ()
+
+    @property
+    def moving(self) -> bool:
+        """Whether calculated motion is still being played."""
+        return self._player is not None or bool(self._homing)
+
+    @property
+    def held_at(self) -> Vector | None:
+        """Where a feed hold has brought the motion to rest, counts; the motors may be jogged then."""
+        player = self._player
+        return player.position if player is not None and self._time_base.holding and self._frozen(player) else None
+
+    @property
+    def dwelling(self) -> bool:
+        """Whether a DWELL is under way."""
+        return self._player is not None and self._player.in_real_time
+
+    @property
+    def homing(self) -> bool:
+        """Whether a HOME of the program is under way."""
+        return bool(self._homing)
+
+    @property
+    def resumable(self) -> bool:
+        """Whether there is a program to go on with."""
+        return self._planner is not None
+
+    @property
+    def calculated_at(self) -> Place | None:
+        """The program and the line that are calculated next, None when there is nothing to go on with."""
+        return None if self._planner is None else (self._planner.run.program, self._planner.run.line)
+
+    def load(self, run: ProgramRun) -> None:
+        """Take a program that is at its beginning."""
+        frame = self._frame
+        self._planner = MotionPlanner(run, frame.shifted, self._variables, frame.places, self.system)
+
+    def begin(self, stepping: bool) -> None:
+        """Let the program move the motors, from rest; `stepping` is for one move."""
+        self._time_base.restart()
+        for motor in self._frame.motors:
+            motor.program_timer = True
+            motor.travel.stopped = False
+        self._frame.stopped_at = None
+        self._play()
+        self.running, self.single_step = True, stepping
+        self.runtime_error = self.radius_error = False
+
+    def release(self, stepping: bool) -> None:
+        """Go on after a feed hold; a single step that was held stays one."""
+        self._time_base.release()
+        self._frame.stopped_at = None
+        self.single_step = stepping or (self.single_step and not self.running)
+
+    def quit(self) -> None:
+        """Calculate no further move; what is calculated is played, then the motors stop."""
+        if not self.running:
+            return
+        self.running, self.single_step = False, True
+        if self._player is not None:
+            self._player.append(self._halt())
+
+    def take_back(self) -> bool:
+        """Stop in front of the move that was calculated last; False when it is too late for that."""
+        if not self.running or self._planner is None or self._player is None:
+            return False
+        planner = copy(self._planner)
+        try:
+            if not planner.take_back() or not self._player.replace(self._newest, planner.settle()):
+                return False
+        except PmacError:
+            return False
+        self._planner, self._event, self.running = planner, None, False
+        return True
+
+    def forget_debt(self) -> None:
+        """Let the motion go on from where it stands, whatever time was taken back."""
+        if self._player is not None:
+            self._player.forget_debt()
+
+    def drop(self) -> None:
+        """Let go of the motors where they are; the program can be gone on with from wherever they come to rest."""
+        self._event, self._homing = None, ()
+        self.running = False
+        self._rest(None)
+
+    def reset(self) -> None:
+        """Forget everything, as at power-up."""
+        self.drop()
+        self.forget()
+        self.runtime_error = self.radius_error = self.single_step = False
+
+    def forget(self) -> None:
+        """Calculate nothing more of this program."""
+        self._planner = self._frame.stopped_at = None
+
+    def preset(self, presets: Mapping[str, float]) -> None:
+        """Call the present places of axes so (user units); nothing moves, and the program goes on from there.
+
+        Raises:
+            PmacError: 003, no such axis here.
+        """
+        self._frame.preset(presets)
+        self.relocate()
+
+    def relocate(self) -> None:
+        """Let the program go on from where the motors are, and the axes as they count now."""
+        if self._planner is not None:
+            self._planner.run.relocate(self._frame.positions())
+            self._planner.relocate(self._frame.places, self._frame.shifted)
+
+    def sample(self, cycles: int, cycle_ms: float) -> dict[int, list[float]]:
+        """Return the commands of a block by motor number, nothing when no motion is being played."""
+        if self._event is not None:
+            self._carry_out(self._event)
+        player = self._player
+        if player is not None and self._time_base.real_time:
+            tracks = player.sample(cycles, cycle_ms)
+        elif player is None or self._frozen(player):
+            self._stand(player, cycles)
+            return {}
+        else:
+            tracks = self._time_base.play(player, cycles, cycle_ms)
+        if player.idle and self._event is None and not self.running:
+            self._rest(player.position)
+        return {motor.number: track for motor, track in zip(self._frame.motors, tracks, strict=True)}
+
+    def _stand(self, player: Player | None, cycles: int) -> None:
+        """Let time pass in which no motion is played: home searches of a program, a hold, or nothing at all."""
+        self._time_base.advance(cycles)
+        self._wait_for_homes()
+        if player is not None and self._time_base.holding:
+            self._frame.stopped_at = player.position  # J= leads back to here
+
+    def _frozen(self, player: Player) -> bool:
+        return self._time_base.stopped and not player.in_real_time
+
+    def _play(self) -> None:
+        self._player = Player(self._frame.places, self._refill, self._assign)
+
+    def _refill(self) -> Iterable[Piece]:
+        planner = self._planner
+        if planner is None or not self.running or self._event is not None:
+            return ()
+        run = planner.run
+        self.executing_at = run.program, run.line
+        run.single_step = self.single_step
+        try:
+            planned = planner.plan()
+            pieces = planned.pieces
+            if planned.finished:
+                self.running, self._planner = False, None
+            elif self.single_step and not run.in_block:
+                pieces += planner.settle()
+                self.running = False
+        except PmacError as failed:
+            self.radius_error = isinstance(failed, CircleRadiusError)
+            return self._fail()
+        self._event, self._newest = planned.event, pieces
+        return pieces
+
+    def _assign(self, deferred: tuple[Deferred, ...]) -> None:
+        try:
+            for each in deferred:
+                self._variables.set(each.kind, each.index, each.value, self.system)
+        except PmacError:
+            pieces = self._fail()
+            if self._player is not None:
+                self._player.append(pieces)
+
+    def _fail(self) -> tuple[Piece, ...]:
+        """End the program with a run-time error; return what brings the motors to rest."""
+        pieces = self._halt()
+        self.running, self.runtime_error, self._planner = False, True, None
+        return pieces
+
+    def _halt(self) -> tuple[Piece, ...]:
+        if self._planner is None:
+            return ()
+        return self._planner.halt(tuple(motor.variable(15) for motor in self._frame.motors))
+
+    def _carry_out(self, event: Event) -> None:
+        """Do what waits for the motion before it, once that has been played and the motors stand."""
+        player = self._player
+        if player is None or not player.idle:
+            return
+        self._event = None
+        match event:
+            case HomeRequest():
+                self._seek_homes(event)
+                return
+            case PresetRequest():
+                axes = self._frame.positions()
+                self.preset({axis: place for axis, place in event.positions.items() if axis in axes})
+            case Halt():
+                self.running = False
+        if not self.running:
+            self._rest(player.position)
+
+    def _seek_homes(self, request: HomeRequest) -> None:
+        """HOME in a program: the motors are their own until all of them are done."""
+        self._player = None
+        motors = tuple(self._motors[number] for number in request.motors if number in self._motors)
+        taken = [motor for motor in motors if motor.program_timer and motor not in self._frame.motors]
+        if len(motors) < len(request.motors) or taken or not all(motor.activated for motor in motors):
+            self._fail()
+            self._rest(None)
+            return
+        for motor in motors:
+            if request.zero:
+                motor.home_zero()
+            else:
+                motor.home()
+        self._homing = motors
+
+    def _wait_for_homes(self) -> None:
+        if not self._homing or any(motor.jogging for motor in self._homing):
+            return
+        homed, self._homing = all(motor.home_complete for motor in self._homing), ()
+        if not homed or self._planner is None:
+            self._fail()
+            self._rest(None)
+            return
+        self.relocate()
+        if self.running:
+            self._play()
+        else:
+            self._rest(self._frame.places)
+
+    def _rest(self, position: Vector | None) -> None:
+        """No motion is left; `position` is where a program that was stopped has to go on, None wherever it is."""
+        self._player = None
+        self._time_base.restart()
+        for motor in self._frame.motors:
+            motor.program_timer = False
+        self._frame.stopped_at = position if self.resumable else None

@@ -1,0 +1,220 @@
+"""The memory of the simulated card: registers of motors and systems at their addresses, plain words elsewhere.
+
+What a register holds is asked for when it is read, so that looking at it costs the motion nothing. Registers of
+position are in 1/(Ix08 x 32) count, those of velocity in 1/(Ix09 x 32) count a servo cycle.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.memory import WORD_BITS, Pointer
+from drivers.simulator.card import reports
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.card.countdown import Countdown
+from drivers.simulator.card.motor import Motor
+
+PARTS = 32
+"""Of a count, and that Ix08 (or Ix09) times."""
+
+WORD = (1 << WORD_BITS) - 1
+DOUBLE_BITS = 2 * WORD_BITS
+_HALF = 0xFFFF
+
+Value = Callable[[Controller, int], float]
+"""What the register of a motor or a system, by its number, holds."""
+
+
+def _of_motor(value: Callable[[Motor], float]) -> Value:
+    return lambda controller, number: value(controller.motors[number])
+
+
+def _position(counts: Callable[[Motor], float]) -> Value:
+    return _of_motor(lambda motor: counts(motor) * motor.variable(8) * PARTS)
+
+
+def _velocity(motor: Motor) -> float:
+    return motor.encoder_step * motor.variable(9) * PARTS
+
+
+def _motor_word(place: int) -> Value:
+    return lambda controller, number: reports.motor_words(controller, controller.motors[number])[place]
+
+
+def _system_word(place: int) -> Value:
+    return lambda controller, number: reports.system_words(controller, number)[place]
+
+
+def _global_word(place: int) -> Value:
+    return lambda controller, _: reports.global_words(controller)[place]
+
+
+READERS: Mapping[str, Value] = {
+    "commanded": _position(lambda motor: motor.desired),
+    "actual": _position(lambda motor: motor.encoder),
+    "bias": _position(lambda motor: motor.bias),
+    "master": _position(lambda motor: motor.superimposed),
+    "compensation": _position(lambda motor: motor.correction),
+    "target": _position(lambda motor: motor.desired),
+    "following_error": _position(lambda motor: motor.following_error),
+    "velocity": _of_motor(_velocity),
+    "filtered_velocity": _of_motor(_velocity),
+    "variable_jog": _of_motor(lambda motor: motor.variable_jog),
+    "home_capture": _of_motor(lambda motor: motor.home_capture),
+    "motor_status_1": _motor_word(0),
+    "motor_status_2": _motor_word(1),
+    "system_status_1": _system_word(0),
+    "system_status_2": _system_word(1),
+    "system_status_3": _system_word(2),
+    "global_status_1": _global_word(0),
+    "global_status_2": _global_word(1),
+}
+"""The registers that there are; which of them a family has, and where, is in its dialect."""
+
+
+class CardMemory:
+    """X and Y words of 24 bits, together a D word of 48; L words are numbers of their own beside them.
+
+    What is written to a register is lost, but for the position of a variable jog and a correction. Some words may
+    be timers, and some set up the encoder conversion table.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        dialect = controller.variables.dialect
+        self._registers = _addresses(dialect)
+        self._timers = Countdown(dialect.timer_words, lambda: controller.cycles)
+        self._words: dict[tuple[str, int], int] = {}
+        self._numbers: dict[tuple[str, int, int], float] = {}
+
+    def read(self, pointer: Pointer) -> float:
+        """Return the value that a definition points at."""
+        match pointer.space:
+            case "X" | "Y":
+                part = self.word(pointer.space, pointer.address) >> pointer.offset & _mask(pointer.width)
+                return float(_signed(part, pointer.width) if pointer.signed else part)
+            case "D":
+                return float(_signed(self.double(pointer.address), DOUBLE_BITS))
+            case "DP":
+                return float(_signed(self._halves(pointer.address), 32))
+            case "F":
+                return _finite(struct.unpack(">f", self._halves(pointer.address).to_bytes(4, "big"))[0])
+            case _:
+                return self._number(pointer)
+
+    def write(self, pointer: Pointer, value: float) -> None:
+        """Store a value there; non-integers are rounded, the bits that do not fit are lost."""
+        match pointer.space:
+            case "X" | "Y":
+                mask = _mask(pointer.width) << pointer.offset
+                kept = self.word(pointer.space, pointer.address) & ~mask
+                self.set_word(pointer.space, pointer.address, kept | _whole(value) << pointer.offset & mask)
+            case "D":
+                self.set_double(pointer.address, _whole(value))
+            case "DP":
+                self._set_halves(pointer.address, _whole(value))
+            case "F":
+                self._set_halves(pointer.address, int.from_bytes(_single(value), "big"))
+            case _:
+                self._set_number(pointer, value)
+
+    def word(self, space: str, address: int) -> int:
+        """Return a word of 24 bits, without a sign; `space` is X or Y."""
+        held = self._registers.get((space, address))
+        if held is not None:
+            return _whole(self._held(held)) & WORD
+        line = self._controller.conversion.line_at(address)
+        if line is not None:
+            conversion = self._controller.conversion
+            return conversion.word(line) if space == "Y" else conversion.result(line)
+        if ("D", address) in self._registers:
+            return self.double(address) >> (WORD_BITS if space == "X" else 0) & WORD
+        if (space, address) in self._timers:
+            return _whole(self._timers.read((space, address))) & WORD
+        return self._words.get((space, address), 0)
+
+    def set_word(self, space: str, address: int, value: int) -> None:
+        """Store the lowest 24 bits."""
+        line = self._controller.conversion.line_at(address)
+        if (space, address) in self._timers:
+            self._timers.write((space, address), float(_signed(value & WORD, WORD_BITS)))
+        elif line is not None and space == "Y":
+            self._controller.conversion.set_word(line, value)
+        else:
+            self._words[space, address] = value & WORD
+
+    def double(self, address: int) -> int:
+        """Return the X word and the Y word, together 48 bits, without a sign."""
+        held = self._registers.get(("D", address))
+        if held is not None:
+            return _whole(self._held(held)) & _mask(DOUBLE_BITS)
+        return self.word("X", address) << WORD_BITS | self.word("Y", address)
+
+    def set_double(self, address: int, value: int) -> None:
+        """Store the lowest 48 bits."""
+        name, number = self._registers.get(("D", address), ("", 0))
+        if name == "compensation":
+            motor = self._controller.motors[number]
+            scale = motor.variable(8) * PARTS
+            motor.correction = _signed(value & _mask(DOUBLE_BITS), DOUBLE_BITS) / scale if scale else 0.0
+            return
+        self.set_word("X", address, value >> WORD_BITS)
+        self.set_word("Y", address, value)
+
+    def _held(self, register: tuple[str, int]) -> float:
+        name, number = register
+        return READERS[name](self._controller, number)
+
+    def _number(self, pointer: Pointer) -> float:
+        held = self._registers.get((pointer.space, pointer.address))
+        if held is not None:
+            return self._held(held)
+        return self._numbers.get((pointer.space, pointer.address, pointer.offset), 0.0)
+
+    def _set_number(self, pointer: Pointer, value: float) -> None:
+        held = self._registers.get((pointer.space, pointer.address))
+        if held is not None and held[0] == "variable_jog":
+            self._controller.motors[held[1]].variable_jog = value
+        self._numbers[pointer.space, pointer.address, pointer.offset] = value
+
+    def _halves(self, address: int) -> int:
+        return (self.word("X", address) & _HALF) << 16 | self.word("Y", address) & _HALF
+
+    def _set_halves(self, address: int, value: int) -> None:
+        self.set_word("X", address, value >> 16 & _HALF)
+        self.set_word("Y", address, value & _HALF)
+
+
+def _addresses(dialect: Dialect) -> dict[tuple[str, int], tuple[str, int]]:
+    """Return the name and the number of the motor or system of each register, by its space and address."""
+    return {
+        (register.space, register.address + (number - 1) * register.stride): (name, number)
+        for name, register in dialect.registers.items()
+        for number in dialect.numbers(register.scope)
+    }
+
+
+def _mask(bits: int) -> int:
+    return (1 << bits) - 1
+
+
+def _signed(value: int, bits: int) -> int:
+    return value - (1 << bits) if value >> (bits - 1) & 1 else value
+
+
+def _whole(value: float) -> int:
+    return math.floor(value + 0.5) if math.isfinite(value) else 0
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else 0.0
+
+
+def _single(value: float) -> bytes:
+    try:
+        return struct.pack(">f", value)
+    except OverflowError:
+        return struct.pack(">f", math.copysign(3.4e38, value))

@@ -1,0 +1,202 @@
+"""What SAVE keeps: settings, definitions, programs and tables, in memory or in a file that outlives the process.
+
+The values of P, Q and M are not among it, nor a table that is not full. The file is JSON, written in one step.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from drivers.pmac.axes import scan_definition
+from drivers.pmac.compensation.table_text import read_table, table_lines
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.parser import parse_line
+from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
+from drivers.pmac.language.text import format_line, format_plc_line
+from drivers.pmac.memory import scan_pointer
+from drivers.simulator.card.program_buffer import Password, PlcBuffer, ProgramBuffer
+from profiles import own_values
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.problem import Problem, ProfileError
+
+if TYPE_CHECKING:
+    from drivers.pmac.dialect import Dialect
+    from drivers.pmac.variables import VariableStore
+    from drivers.simulator.card.conversion import Conversion
+    from drivers.simulator.card.coordinate import CoordinateSystem
+    from drivers.simulator.card.plc_programs import PlcPrograms
+    from drivers.simulator.card.table_memory import TableMemory
+
+CAP_BYTES = 4_000_000
+"""Above anything that a card has room for; read, it takes some twenty times as much."""
+
+Texts = Mapping[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SavedState:
+    """Everything as text, by its number; `axes` are definitions such as `#1->X` by coordinate system.
+
+    `tables` are the lines that send a compensation table, by its motor, `conversion` the changed words of the
+    encoder conversion table, by their line.
+    """
+
+    family: str
+    settings: Mapping[str, float]
+    pointers: Mapping[str, str]
+    axes: Texts
+    programs: Texts
+    plcs: Texts
+    tables: Texts
+    conversion: Mapping[str, int]
+    password: str
+
+
+class Memories(Protocol):
+    """What a controller holds of what SAVE keeps."""
+
+    dialect: Dialect
+    programs: dict[int, ProgramBuffer]
+    plcs: PlcPrograms
+    systems: dict[int, CoordinateSystem]
+    tables: TableMemory
+    conversion: Conversion
+    password: Password
+
+    @property
+    def variables(self) -> VariableStore:
+        """Its numbered variables."""
+
+
+class Flash:
+    """The memory that keeps its contents without power; with a `path`, a file."""
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._state: SavedState | None = None
+
+    def save(self, controller: Memories) -> None:
+        """Keep the present state.
+
+        Raises:
+            ProfileError: `file.not_writable`; what was saved before is still there.
+        """
+        state = _taken(controller)
+        if self._path is not None:
+            content = json.dumps(asdict(state), indent=1).encode("ascii")
+            write_atomically(self._path, content, overwrite=True)
+        self._state = state
+
+    def power_up(self, controller: Memories) -> None:
+        """Bring back what an earlier process has saved, if there is such a file.
+
+        Raises:
+            ProfileError: `file.unreadable`, it is not ours, or of another family of controllers.
+        """
+        if self._path is None or not self._path.exists():
+            return
+        content = read_regular_file(self._path, cap_bytes=CAP_BYTES)
+        try:
+            state = _read(own_values.from_json(content))
+            if state.family != controller.dialect.name:
+                raise ValueError(f"saved by a controller of the family {state.family}")
+            _put_back(state, controller)
+        except (ValueError, TypeError, KeyError, AttributeError, PmacError) as error:
+            where, reason = printable(str(self._path)), printable(str(error))
+            raise ProfileError(Problem(code="file.unreadable", where=where, value=reason)) from error
+        self._state = state
+
+    def restore(self, controller: Memories) -> None:
+        """Bring back what was saved; without that, the controller stays as it is."""
+        if self._state is not None:
+            _put_back(self._state, controller)
+
+
+def _taken(controller: Memories) -> SavedState:
+    variables = controller.variables
+    return SavedState(
+        family=controller.dialect.name,
+        settings={str(index): value for index, value in sorted(variables.settings().items())},
+        pointers={str(index): str(pointer) for index, pointer in sorted(variables.pointers.items())},
+        axes={
+            str(number): tuple(f"#{motor}->{text}" for motor, text in system.definitions.items())
+            for number, system in controller.systems.items()
+            if system.definitions
+        },
+        programs=_texts(
+            {number: map(format_line, buffer.lines) for number, buffer in controller.programs.items()}
+        ),
+        plcs=_texts(
+            {number: map(format_plc_line, buffer.lines) for number, buffer in controller.plcs.buffers.items()}
+        ),
+        conversion={str(line): word for line, word in controller.conversion.changed_words.items()},
+        tables=_texts({number: table_lines(table) for number, table in controller.tables.tables.items()}),
+        password=controller.password.text,
+    )
+
+
+def _texts(listings: Mapping[int, Iterable[str]]) -> Texts:
+    return {str(number): tuple(lines) for number, lines in sorted(listings.items())}
+
+
+def _read(table: Mapping[str, Any]) -> SavedState:
+    return SavedState(
+        family=own_values.text(table["family"]),
+        settings={str(int(index)): own_values.number(value) for index, value in table["settings"].items()},
+        pointers={str(int(index)): own_values.text(pointer) for index, pointer in table["pointers"].items()},
+        axes=_lists(table["axes"]),
+        programs=_lists(table["programs"]),
+        plcs=_lists(table["plcs"]),
+        # Files of cards that knew none of these have none.
+        tables=_lists(table.get("tables", {})),
+        conversion={str(int(line)): own_values.whole(word) for line, word in table.get("conversion", {}).items()},
+        password=own_values.text(table["password"]),
+    )
+
+
+def _lists(table: Mapping[str, Any]) -> Texts:
+    return {str(int(place)): tuple(map(own_values.text, lines)) for place, lines in table.items()}
+
+
+def _put_back(state: SavedState, controller: Memories) -> None:
+    """Make the controller, at rest, what it was."""
+    variables = controller.variables
+    variables.replace_i({int(index): value for index, value in state.settings.items()})
+    highest = controller.dialect.highest_address
+    scanned = {int(index): scan_pointer(Scanner(text), highest) for index, text in state.pointers.items()}
+    variables.pointers.clear()
+    variables.pointers.update({index: pointer for index, pointer in scanned.items() if pointer is not None})
+    for system in controller.systems.values():
+        for motor in tuple(system.definitions):
+            system.define(motor, None)
+    for number, texts in state.axes.items():
+        for text in texts:
+            scanner = Scanner(text)
+            scanner.expect("#")
+            motor = scanner.take_integer() or 0
+            scanner.expect("->")
+            controller.systems[int(number)].define(motor, scan_definition(scanner, motor))
+    _refill(controller.programs, state.programs)
+    _refill_plcs(controller.plcs, state.plcs)
+    motor_count = controller.dialect.motor_count
+    controller.tables.replace([read_table(lines, motor_count) for lines in state.tables.values()])
+    controller.conversion.reset({int(line): word for line, word in state.conversion.items()})
+    controller.password = Password(state.password)
+
+
+def _refill(buffers: dict[int, ProgramBuffer], texts: Texts) -> None:
+    buffers.clear()
+    for number, lines in texts.items():
+        buffers[int(number)] = ProgramBuffer([parse_line(line) for line in lines])
+
+
+def _refill_plcs(plcs: PlcPrograms, texts: Texts) -> None:
+    plcs.buffers.clear()
+    for number, lines in texts.items():
+        read = [kept for line in lines for kept in stored_lines(parse_plc_line(line))]
+        plcs.buffers[int(number)] = PlcBuffer(read)

@@ -1,0 +1,135 @@
+"""The time base of a coordinate system: how fast the time of its trajectories passes."""
+
+from __future__ import annotations
+
+import math
+
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.settings import I10_PER_MS
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.player import Player
+
+REAL_TIME_PERCENT = 100.0
+
+_OVERRIDE_SLEW, _HOLD_SLEW = 94, 95
+"""Ix94 and Ix95: by how many 2^-23 ms a servo cycle's worth of trajectory time may change from cycle to cycle."""
+
+_WIDEST = I10_PER_MS - 1
+"""The time base is a signed word of 24 bits, a servo cycle's worth in 2^-23 ms."""
+
+
+class TimeBase:
+    """What is asked for, what a feed hold makes of it, and the value that slews from one to the other.
+
+    `%` asks, or the source that Ix93 names instead, anew in each servo cycle. `percent` is the present value; at
+    100 a servo cycle is a servo cycle, as I10 states it. `real_time` is whether that is so and stays so. A feed
+    hold and the start after it slew at Ix95, everything else at Ix94.
+    """
+
+    def __init__(self, system: int, variables: VariableStore) -> None:
+        self.percent = REAL_TIME_PERCENT
+        self.holding = False
+        self.real_time = True
+        self._override = REAL_TIME_PERCENT
+        self._led: float | None = None
+        self._resuming = False
+        self._system = system
+        self._variables = variables
+
+    @property
+    def led(self) -> bool:
+        """Whether another source than `%` says how fast time passes."""
+        return self._led is not None
+
+    @property
+    def steady(self) -> bool:
+        """Whether the present value is the one that is asked for."""
+        return self.percent == self._goal
+
+    @property
+    def stopped(self) -> bool:
+        """Whether no trajectory time passes, nor will without another command."""
+        return self.percent == 0.0 and self._goal == 0.0
+
+    @property
+    def _goal(self) -> float:
+        if self.holding:
+            return 0.0
+        return self._override if self._led is None else self._led
+
+    def set_override(self, percent: float) -> None:
+        """Ask for another rate; above what the card can do it takes the highest, as the card does.
+
+        Raises:
+            PmacError: 003, not a number from 0.
+        """
+        if not (math.isfinite(percent) and percent >= 0.0):
+            raise PmacError(ErrorCode.DATA_ERROR, f"%{percent}; from 0")
+        self._override = min(percent, REAL_TIME_PERCENT * _WIDEST / self._units())
+        self._note()
+
+    def lead(self, units: int | None) -> None:
+        """Take what the source says of this servo cycle, 2^-23 ms; None gives it back to `%`."""
+        self._led = None if units is None else REAL_TIME_PERCENT * units / self._units()
+        self._note()
+
+    def hold(self) -> None:
+        """Slew to a stop."""
+        self.holding, self._resuming = True, False
+        self._note()
+
+    def release(self) -> None:
+        """Slew back to what `%` asks for, after a feed hold."""
+        self._resuming = self._resuming or self.holding
+        self.holding = False
+        self._note()
+
+    def restart(self) -> None:
+        """Forget a hold, for a motion that is over: the next one begins at what `%` asks for."""
+        if self.holding or self._resuming:
+            self.holding = self._resuming = False
+            self.percent = self._goal
+            self._note()
+
+    def reset(self) -> None:
+        """Go back to real time, as at power-up."""
+        self.holding = self._resuming = False
+        self.percent = self._override = REAL_TIME_PERCENT
+        self._led = None
+        self._note()
+
+    def rate_ms(self, cycle_ms: float) -> float:
+        """Return the trajectory time that passes in a servo cycle, at the present value."""
+        return cycle_ms * (self.percent / REAL_TIME_PERCENT)
+
+    def play(self, player: Player, cycles: int, cycle_ms: float) -> list[list[float]]:
+        """Return a block of positions for each motor at this rate, cycle by cycle while it changes."""
+        if self.steady:
+            return player.sample(cycles, cycle_ms, self.rate_ms(cycle_ms))
+        tracks: list[list[float]] = [[] for _ in player.position]
+        for _ in range(cycles):
+            self.advance(1)
+            sampled = player.sample(1, cycle_ms, self.rate_ms(cycle_ms))
+            for track, (position,) in zip(tracks, sampled, strict=True):
+                track.append(position)
+        return tracks
+
+    def advance(self, cycles: int) -> None:
+        """Slew for so many servo cycles."""
+        slew = _HOLD_SLEW if self.holding or self._resuming else _OVERRIDE_SLEW
+        units = max(0.0, self._variables.system(self._system, slew))
+        most = cycles * units * REAL_TIME_PERCENT / self._units()
+        change = self._goal - self.percent
+        if abs(change) <= most:
+            self.percent = self._goal
+            self._resuming = False
+        else:
+            self.percent += math.copysign(most, change)
+        self._note()
+
+    def _note(self) -> None:
+        self.real_time = self._led is None and self.steady and self.percent == REAL_TIME_PERCENT
+
+    def _units(self) -> int:
+        """A servo cycle as I10 states it, in 2^-23 ms."""
+        return max(1, int(self._variables.i(10)) % I10_PER_MS)

@@ -1,0 +1,1 @@
+"""Who speaks to the simulated controller: sockets, ptys, and the process around it."""

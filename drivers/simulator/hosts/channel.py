@@ -1,0 +1,87 @@
+"""The private channel between the process of the simulated lathe and the one that started it.
+
+It is a stream of JSON lines, one answer for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
+`{"do": "look"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null switches it off) and
+`{"do": "fault", "line": "..."}` (as `control_line` says). The answer to what cannot be done is
+`{"refused": reason}`. Before anything is asked, one line `{"ready": device}` says where the card is connected.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from drivers.simulator.hosts import control_line
+from drivers.simulator.hosts.control_address import REFUSED
+from drivers.simulator.machine import SimulatedLathe
+from profiles.job import job_from_table
+from profiles.own_values import from_json
+from profiles.problem import ProfileError
+
+
+async def converse(
+    lathe: SimulatedLathe, device: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+) -> None:
+    """Say where the card is, then answer until the other side is gone."""
+    await _say(writer, {"ready": device})
+    try:
+        while line := await reader.readline():
+            await _say(writer, answer(lathe, line))
+    except (ConnectionError, ValueError):
+        return  # gone in the middle of something, or a line without end: nobody is there to talk to
+
+
+def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
+    """Do what a line asks for."""
+    try:
+        request = from_json(line)
+        match request["do"]:
+            case "mount":
+                lathe.mount(job_from_table(request["job"]))
+                return {}
+            case "look":
+                return asdict(lathe.look())
+            case "measure":
+                return _measured(lathe)
+            case "spindle":
+                _turn_spindle(lathe, request["rpm"])
+                return {}
+            case "fault":
+                return _fault(lathe, str(request["line"]))
+            case unknown:
+                return {"refused": f"nothing to do: {unknown}"}
+    except (ProfileError, RuntimeError) as error:
+        return {"refused": str(error)}
+    except (ValueError, TypeError, KeyError) as error:
+        return {"refused": f"no request: {error!r}"}
+
+
+def _turn_spindle(lathe: SimulatedLathe, rpm: float | None) -> None:
+    if rpm is None:
+        lathe.stop_spindle()
+    else:
+        lathe.set_spindle_rpm(rpm)
+
+
+def _fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
+    said = control_line.answer(lathe, line)
+    if said.startswith(REFUSED):
+        return {"refused": said.removeprefix(REFUSED).rstrip()}
+    return {"said": said}
+
+
+def _measured(lathe: SimulatedLathe) -> dict[str, Any]:
+    trace = lathe.measure()
+    return {
+        "angle_deg": trace.angle_deg.tolist(),
+        "deviation_um": trace.deviation_um.tolist(),
+        "meta": dict(trace.meta),
+    }
+
+
+async def _say(writer: asyncio.StreamWriter, message: Mapping[str, Any]) -> None:
+    writer.write(json.dumps(message).encode("ascii") + b"\n")
+    await writer.drain()

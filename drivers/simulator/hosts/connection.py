@@ -1,0 +1,220 @@
+"""One connected host: bytes between a transport and its port of the card.
+
+What a host sends is executed as it comes, between two blocks of servo cycles and without advancing time; what is
+left over has its next turn when the others have had theirs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import struct
+from collections.abc import Callable
+from typing import Protocol
+
+from drivers.errors import LinkError
+from drivers.pmac.ethernet import MalformedRequestError
+from drivers.simulator.hosts.port import Port
+from drivers.simulator.hosts.real_time import Host
+from drivers.simulator.machine import SimulatedLathe
+
+UNREAD_LIMIT = 1_000_000
+"""Bytes of replies that are kept for a host that does not read."""
+
+SLOW_READER = 65_536
+"""Unread bytes beyond which a host is served in the background only: it is not in a hurry."""
+
+
+class Discipline(Protocol):
+    """How the bytes of a host become lines for its port, and the answers become bytes."""
+
+    @property
+    def crowded(self) -> bool:
+        """Whether more waits to be executed than there should."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether the last turn left something that another one would get on with."""
+
+    @property
+    def idle(self) -> bool:
+        """Whether everything that has come is done and answered, but for what is half a line or request."""
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the host."""
+
+    def turn(self) -> list[bytes]:
+        """Do the next bit of work; return what is to be sent, each item in one go.
+
+        Raises:
+            MalformedRequestError: the host sends what nobody can answer.
+        """
+
+
+class PlainStream:
+    """The ASCII stream of a serial line."""
+
+    def __init__(self, lathe: SimulatedLathe, port: Port) -> None:
+        """`port` is that of the host."""
+        self._lathe = lathe
+        self._port = port
+
+    @property
+    def crowded(self) -> bool:
+        """Whether more waits to be executed than there should."""
+        return self._port.crowded
+
+    @property
+    def busy(self) -> bool:
+        """Whether the last turn left lines that may be executed in this cycle."""
+        return self._port.ready
+
+    @property
+    def idle(self) -> bool:
+        """Whether everything that has come is done and answered; half a line does not count."""
+        return self._port.idle
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the host."""
+        self._port.receive(data)
+
+    def turn(self) -> list[bytes]:
+        """Execute the next few lines; return what the card has said since."""
+        self._lathe.attend(self._port)
+        said = self._port.take_output()
+        return [said] if said else []
+
+
+Begin = Callable[[SimulatedLathe, Port], Discipline]
+"""What makes the discipline of a new connection."""
+
+
+class Turns:
+    """Repeats some work while there is more of it; between two turns everybody else has one."""
+
+    def __init__(self, work: Callable[[], bool]) -> None:
+        """`work` returns whether there is more."""
+        self._work = work
+        self._loop = asyncio.get_running_loop()
+        self._next: asyncio.Handle | None = None
+
+    def take(self) -> None:
+        """Take a turn now, and further ones later."""
+        more = self._work()
+        if more and self._next is None:
+            self._next = self._loop.call_soon(self._follow)
+
+    def end(self) -> None:
+        """Take no turn any more."""
+        self._work = lambda: False
+
+    def _follow(self) -> None:
+        self._next = None
+        self.take()
+
+
+def _reset(transport: asyncio.Transport) -> None:
+    """End a connection as one that is broken: the host is not told that anybody has closed it."""
+    line = transport.get_extra_info("socket")
+    if line is not None:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    transport.abort()
+
+
+class Connection(asyncio.Protocol):
+    """One host on a socket."""
+
+    def __init__(self, lathe: SimulatedLathe, hosts: set[Host], discipline: Begin) -> None:
+        """`hosts` holds it while it is connected."""
+        self._lathe = lathe
+        self._hosts = hosts
+        self._begin = discipline
+        self._port: Port | None = None
+        self._ended = False
+        self._discipline: Discipline
+        self._transport: asyncio.Transport
+        self._turns: Turns
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Plug the host in."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        try:
+            self._port = self._lathe.connect()
+        except LinkError:
+            transport.abort()
+            return
+        self._discipline = self._begin(self._lathe, self._port)
+        self._turns = Turns(self._turn)
+        self._hosts.add(self)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what the host sends, and answer it if it reads its answers."""
+        if self._port is None or self._cut_off(self._port):
+            return
+        self._discipline.receive(data)
+        if self._transport.get_write_buffer_size() <= SLOW_READER:
+            self._turns.take()
+        else:
+            self._hold_back()
+
+    def eof_received(self) -> bool:
+        """The host sends nothing more, but may yet read: it is closed behind the answers to what it has sent."""
+        self._ended = True
+        self.flush()
+        return True
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The host is gone."""
+        self._unplug()
+
+    def flush(self) -> None:
+        """Send what the card has answered, and read on when it has room again."""
+        if self._port is not None and not self._cut_off(self._port):
+            self._turns.take()
+
+    def _cut_off(self, port: Port) -> bool:
+        """Reset the connection where the cable is cut."""
+        if port.lost:
+            self._unplug()
+            _reset(self._transport)
+        return port.lost
+
+    def _turn(self) -> bool:
+        if self._port is None or self._cut_off(self._port):
+            return False
+        try:
+            replies = self._discipline.turn()
+        except MalformedRequestError:
+            self._unplug()
+            self._transport.close()
+            return False
+        for reply in replies:
+            if self._transport.is_closing():
+                return False  # the host was gone before its replies; `connection_lost` follows
+            self._transport.write(reply)
+        unread = self._transport.get_write_buffer_size()
+        if unread > UNREAD_LIMIT:
+            self._unplug()
+            self._transport.abort()
+            return False
+        if self._ended and self._discipline.idle:
+            self._unplug()
+            self._transport.close()
+            return False
+        self._hold_back()
+        return self._discipline.busy and unread <= SLOW_READER
+
+    def _hold_back(self) -> None:
+        """Leave to the network what the card has no room for."""
+        if not self._discipline.crowded:
+            self._transport.resume_reading()
+        elif self._transport.is_reading():
+            self._transport.pause_reading()
+
+    def _unplug(self) -> None:
+        self._hosts.discard(self)
+        if self._port is not None:
+            self._lathe.disconnect(self._port)
+            self._port = None
+            self._turns.end()

@@ -1,0 +1,349 @@
+"""One host connection of the simulated card: its line discipline, and its queue."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator
+
+from drivers.errors import LinkError
+from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.simulator.card.controller import Controller
+from drivers.simulator.commands.control_characters import ACTING, ACTIONS, CONTROL_X, REPORTING, STOPS
+from drivers.simulator.commands.line import answers, commands
+from drivers.simulator.context import Context
+from drivers.simulator.faults.host_line import Carriage, Outbox
+from drivers.simulator.faults.lines import Lines
+from drivers.simulator.hosts import replies
+from drivers.simulator.hosts.share import Share
+from profiles.problem import Problem
+
+CR = 0x0D
+BACKSPACE, REPEAT, SUM, RECALL = b"\x08", b"\t", b"\x0e", b"\x19"
+
+LINE_LIMIT = 255
+"""Characters of one command line."""
+
+ANSWER_PER_TURN = 4096
+"""Bytes of answers after which no further line of that host is begun in the same go."""
+
+INBOX_LIMIT = 1_048_576
+"""Bytes that may wait to be executed; whoever brings them is to hold back the rest.
+
+It is far more than anybody sends in earnest, for a stop to be heard behind a flood of the same host.
+"""
+
+ANNOUNCED_LIMIT = 65_536
+"""Bytes that may wait to be read before what programs say is lost on that host."""
+
+_PART_WORK, _CHARACTERS_A_VALUE = 4, 2
+"""What looking at a part of the queue costs, in values: so many, and one for so many characters."""
+
+_REPORT_WORK, _REPORTED_A_VALUE = 10, 3
+"""What a report costs: so many at least, and one for so many characters."""
+
+_ANSWERED = (CR, *REPEAT, *SUM, *RECALL)
+_PART = re.compile(b"[" + bytes((*_ANSWERED, *BACKSPACE)) + b"]")
+"""What a queue is taken apart at, so that none of these goes by for nothing."""
+
+_AT_ONCE = re.compile(b"[" + bytes((*ACTIONS, CONTROL_X)) + b"]")
+_REPORT = re.compile(b"[" + bytes(REPORTING) + b"]")
+_NO_REPORTS = bytes(byte for byte in range(0x100) if byte not in REPORTING)
+_NO_TEXT = bytes(byte for byte in range(0x20) if byte not in (*_ANSWERED, *BACKSPACE))
+
+
+class Port:
+    """Bytes in, bytes out. `service` is called once a background cycle, and whenever something has come.
+
+    `lines` is what lies between the card and its hosts. Once the line is `lost`, nobody hears of it any more.
+    `on_board` is whether an Ethernet board sits between this port and the line.
+    """
+
+    def __init__(self, controller: Controller, lines: Lines) -> None:
+        self.lines = lines
+        self.lost = self.on_board = False
+        self._way_in, self._way_out = Carriage(lines, inward=True), Carriage(lines, inward=False)
+        self._controller = controller
+        self._context = Context(controller)
+        self._share = Share(controller)
+        self._fresh = bytearray()
+        self._reports = bytearray()
+        self._queue = bytearray()
+        self._line = bytearray()
+        self._running: Generator[None, None, bool] | None = None
+        self._running_line = b""
+        self._last_line = b""
+        self._overlong = False
+        self._outbox = Outbox(lines)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether more waits to be executed than there should."""
+        waiting = len(self._fresh) + len(self._reports) + len(self._queue)
+        return waiting + self._way_in.waiting >= INBOX_LIMIT
+
+    @property
+    def idle(self) -> bool:
+        """Whether every line that has come is answered; half a line does not count."""
+        if self._fresh or self._reports or self._running is not None:
+            return False
+        if self._way_in.waiting or self._way_out.waiting:
+            return False
+        return not any(part in self._queue for part in _ANSWERED)
+
+    @property
+    def ready(self) -> bool:
+        """Whether `service` would get on with something before the next background cycle."""
+        if self.lines.silent or self.lines.slow:
+            return False
+        return bool(self._fresh or self._waiting) and self._may_go_on()
+
+    @property
+    def heavy(self) -> bool:
+        """Whether the last turn was a long one, so that it is time for others."""
+        return self._share.heavy
+
+    @property
+    def spent(self) -> bool:
+        """Whether the host has had its share of this background cycle."""
+        return self._share.cycle_over
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the line of the host. A card that is shut down has nobody to read them.
+
+        Raises:
+            LinkError: `link.lost`, the cable is cut.
+        """
+        self._refuse_lost()
+        if self._way_in.clear:
+            self._fresh += data
+        elif not self.lines.dead:
+            self.type(b"".join(self._way_in.carry((data,))))
+
+    def type(self, data: bytes) -> None:
+        """Take bytes that are at the card already."""
+        self._fresh += data
+
+    def take_output(self) -> bytes:
+        """Return, and forget, what has arrived at the host.
+
+        Raises:
+            LinkError: `link.lost`, the cable is cut.
+        """
+        self._refuse_lost()
+        return b"".join(self._way_out.carry(self._outbox.take()))
+
+    def take_said(self) -> bytes:
+        """Return, and forget, what the card has said, before it is on the line of a host."""
+        return b"".join(self._outbox.take())
+
+    def power_up(self) -> None:
+        """Begin anew: nothing that came before is known."""
+        self._fresh.clear()
+        self._way_in.forget()
+        self._clear()
+        self._last_line = b""
+        self._context = Context(self._controller)
+
+    def announce(self, said: bytes) -> None:
+        """Tell the host something that it has not asked for. It comes between two replies, or is lost."""
+        if self._outbox.waiting < ANNOUNCED_LIMIT:
+            self._outbox.say(said)
+
+    def disconnect(self) -> None:
+        """The host is gone: a buffer that it left open is closed, so that others can work."""
+        if self._context.fills_buffer:
+            self._controller.open_buffer = None
+
+    def obey(self) -> None:
+        """Act on the control characters that have come, past every line that waits; keep the rest for later.
+
+        They are done in their order. Reports beyond the share of the host wait, and only they.
+        """
+        if self._way_in.waiting:
+            self.type(b"".join(self._way_in.carry(())))
+        if not self._fresh or self.lines.silent:
+            return
+        fresh = bytes(self._fresh)
+        self._fresh.clear()
+        if _AT_ONCE.search(fresh) is None:
+            self._queue += fresh.translate(None, _NO_TEXT)
+            return
+        while not self._reports and (found := _REPORT.search(fresh)) is not None:
+            self._take(fresh[: found.end()])
+            fresh = fresh[found.end() :]
+            if not self._share.turn_over and self._may_go_on():
+                self._report()
+        self._take(fresh)
+
+    def service(self) -> None:
+        """Act on control characters at once, then execute the next few lines."""
+        self._share.follow()
+        self.obey()
+        if not self._waiting or self.lines.silent:
+            self._share.end_turn()
+            return
+        most = self._outbox.waiting + ANSWER_PER_TURN
+        while not self._share.turn_over and self._outbox.waiting <= most and self._may_go_on():
+            if self._reports:
+                self._report()
+            elif self._running is not None:
+                self._go_on()
+            elif self._queue:
+                self._take_apart()
+            else:
+                break
+        self._share.end_turn()
+
+    @property
+    def _waiting(self) -> bool:
+        return bool(self._reports or self._queue) or self._running is not None
+
+    def _may_go_on(self) -> bool:
+        """Whether this host has something left in this cycle. What comes alone is nobody's flood."""
+        return not self._share.cycle_over or self._alone()
+
+    def _alone(self) -> bool:
+        """Whether nothing waits behind what is next."""
+        found = _PART.search(self._queue)
+        if self._reports or self._running is not None:
+            return found is None and len(self._reports) + (self._running is not None) == 1
+        return found is None or found.end() == len(self._queue)
+
+    def _take(self, data: bytes) -> None:
+        """Act on the stops and starts in a stretch, each once, in the order in which they came last.
+
+        No time passes between them, so that only the last of the same kind has an effect.
+        """
+        for _, code in sorted((data.rfind(code), code) for code in ACTING if code in data):
+            self._act(code)
+        if CONTROL_X in data:
+            data = data[data.rfind(CONTROL_X) + 1 :]
+            self._forget()
+        self._reports += data.translate(None, _NO_REPORTS)
+        self._queue += data.translate(None, _NO_TEXT)
+
+    def _report(self) -> None:
+        """Answer the next control character that is answered."""
+        said = self._act(self._reports.pop(0)) or ""
+        self._share.spend(max(_REPORT_WORK, len(said) // _REPORTED_A_VALUE), lines=1)
+        if answers(self._context):
+            self._answer(said)
+
+    def _act(self, code: int) -> str | None:
+        if code in STOPS:
+            self._controller.pending_commands.clear()
+        try:
+            return ACTIONS[code](self._context)
+        except PmacError as refusal:
+            self._outbox.reply(end=replies.refused(refusal.code, replies.wording(self._controller.variables)))
+            return None
+
+    def _forget(self) -> None:
+        """Control-X: nothing that came before it is done or answered any more."""
+        self._clear()
+        if self._controller.variables.i(63):
+            self._outbox.say(bytes((CONTROL_X,)))
+
+    def _clear(self) -> None:
+        self._reports.clear()
+        self._queue.clear()
+        self._line.clear()
+        self._running = None
+        self._outbox.forget()
+        self._way_out.forget()
+        self._overlong = False
+
+    def _take_apart(self) -> None:
+        """Add to the line up to its end, or to a control character that is about the line itself."""
+        found = _PART.search(self._queue)
+        part = found[0] if found else b""
+        end = found.start() if found else len(self._queue)
+        self._add(bytes(self._queue[: min(end, LINE_LIMIT + 1)]))
+        del self._queue[: end + len(part)]
+        if self.lines.garblings and part in (b"\r", SUM):
+            self._garble()
+        if part == BACKSPACE:
+            del self._line[-1:]
+        elif part == SUM:
+            self._outbox.reply(bytes((replies.checksum(self._line),)))
+        elif part == RECALL:
+            self._share.spend(len(self._last_line) // _REPORTED_A_VALUE)
+            self._answer(self._last_line.decode("latin-1"))
+        elif part == REPEAT and (self._line or self._context.fills_buffer):
+            self._add(part)
+        elif part:
+            self._begin(self._last_line if part == REPEAT else bytes(self._line))
+
+    def _add(self, text: bytes) -> None:
+        """Add to the line what it has room for."""
+        room = LINE_LIMIT - len(self._line)
+        self._overlong = self._overlong or len(text) > room
+        self._line += text[:room]
+        self._share.spend(_PART_WORK + len(text) // _CHARACTERS_A_VALUE)
+
+    def _garble(self) -> None:
+        """Have the line that has come be another; it must have room for that, too."""
+        line = self.lines.read(bytes(self._line))
+        self._overlong = self._overlong or len(line) > LINE_LIMIT
+        self._line = bytearray(line[:LINE_LIMIT])
+
+    def _begin(self, line: bytes) -> None:
+        """Execute a line, as far as the turn goes."""
+        overlong, self._overlong = self._overlong, False
+        self._line.clear()
+        self._running_line, self._last_line = line, line or self._last_line
+        self._share.spend(0, lines=1)
+        self._context.lines.clear()
+        if overlong:
+            refusal = PmacError(ErrorCode.DATA_ERROR, f"a line of more than {LINE_LIMIT} characters")
+            self._end_line(refusal, heard=answers(self._context))
+            return
+        self._running = commands(line.decode("latin-1"), self._context)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Execute the commands of the line that are left, as far as the turn goes."""
+        assert self._running is not None
+        refusal, heard = None, True
+        try:
+            while True:
+                next(self._running)
+                self._spend_work()
+                if self._share.work_over:
+                    # What has been answered so far goes out; the rest of the line has its next turn.
+                    how = replies.wording(self._controller.variables)
+                    self._outbox.begin(replies.data(self._context.lines, how))
+                    self._context.lines.clear()
+                    return
+        except StopIteration as done:
+            heard = bool(done.value)
+        except PmacError as refused:
+            refusal = refused
+        self._running = None
+        self._spend_work()
+        self._end_line(refusal, heard)
+
+    def _spend_work(self) -> None:
+        self._share.spend(self._context.work)
+        self._context.work = 0
+
+    def _end_line(self, refusal: PmacError | None, heard: bool) -> None:
+        """Answer a line. I3, I4 and I6 may have been changed by this very line; the answer follows them."""
+        how = replies.wording(self._controller.variables)
+        data, summed = replies.data(self._context.lines, how), how.checksums
+        if refusal is not None:
+            self._outbox.reply(data, replies.refused(refusal.code, how), summed=summed)
+        elif heard:
+            checksum = replies.line_checksum(self._running_line, how)
+            self._outbox.reply(data, how.acknowledgement, checksum, summed=summed)
+        else:
+            self._outbox.reply(data, summed=summed)
+
+    def _answer(self, line: str) -> None:
+        """Answer a control character."""
+        how = replies.wording(self._controller.variables)
+        self._outbox.reply(replies.data((line,), how), summed=how.checksums)
+
+    def _refuse_lost(self) -> None:
+        if self.lost:
+            raise LinkError(Problem(code="link.lost", where="memory", value="the cable is cut"))

@@ -1,0 +1,228 @@
+"""The simulated lathe as a process of its own, seen from the one that starts it.
+
+The controller is spoken to over a serial line, like any other. What people do in the shop (clamp a blank, look
+at the chuck, put the part on the gauge) goes over a private channel, as `drivers.simulator.hosts.channel` says.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO, TYPE_CHECKING, Any
+
+from drivers.errors import LinkError
+from drivers.link.address import SerialAddress
+from drivers.simulator.hosts.control_address import LONGEST_LINE
+from drivers.simulator.hosts.pty import remove_name
+from drivers.simulator.plant.shop_view import ShopView
+from profiles.files import printable
+from profiles.job import Job
+from profiles.own_values import from_json
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from profiles.traces import Trace
+
+REQUEST_TIMEOUT_S = 5.0
+END_TIMEOUT_S = 2.0
+CHUNK = 65_536
+LAST_WORDS_BYTES = 2000
+
+
+class SimulatorProcess:
+    """One running simulator. It is used from one thread, and ends with the process that started it."""
+
+    def __init__(self, child: _Child, address: SerialAddress) -> None:
+        """Use `start`."""
+        self.address = address
+        self._child = child
+        self._over = ""
+
+    @classmethod
+    def start(
+        cls,
+        machine_path: Path,
+        timeout_s: float = 20.0,
+        *,
+        seed: int | None = None,
+        plant: str = "mounted",
+        clamping_sd_percent: float = 0.0,
+    ) -> SimulatorProcess:
+        """Start a simulator of the machine profile in a file and wait until it can be connected.
+
+        Chuck and tool are mounted at random, and the iron is as `plant` says (see `plant_named`); with a `seed`,
+        the same way each time.
+
+        Raises:
+            LinkError: `simulator.not_started`.
+        """
+        plant = os.path.abspath(plant) if plant.endswith(".toml") else plant
+        arguments = ["--machine", os.path.abspath(machine_path), "--plant", plant]
+        arguments += ["--clamping-sd", repr(clamping_sd_percent)] if clamping_sd_percent else []
+        arguments += [] if seed is None else ["--seed", str(seed)]
+        child: _Child | None = None
+        try:
+            child = _Child(arguments)
+            device = str(child.read(timeout_s)["ready"])
+        except (OSError, ValueError, KeyError) as error:
+            reason = child.end(error) if child else _plain(error)
+            where = printable(str(machine_path))
+            raise LinkError(Problem(code="simulator.not_started", where=where, value=reason)) from error
+        return cls(child, SerialAddress(device=device))
+
+    def mount(self, job: Job) -> None:
+        """Clamp a new blank for a job.
+
+        Raises:
+            LinkError: `simulator.gone`, `simulator.refused`.
+        """
+        self._ask("mount", job={key: value for key, value in asdict(job).items() if value is not None})
+
+    def measure(self) -> Trace:
+        """Release the part and take its trace in the middle of the cut.
+
+        Raises:
+            LinkError: `simulator.gone`; `simulator.refused`, no part is mounted.
+        """
+        import numpy as np
+
+        from profiles.traces import Trace
+
+        said = self._ask("measure")
+        angle_deg = np.array(said["angle_deg"], dtype=np.float64)
+        deviation_um = np.array(said["deviation_um"], dtype=np.float64)
+        for column in (angle_deg, deviation_um):
+            column.setflags(write=False)
+        return Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=MappingProxyType(said["meta"]))
+
+    def look(self) -> ShopView:
+        """Look at the chuck.
+
+        Raises:
+            LinkError: `simulator.gone`.
+        """
+        said = self._ask("look")
+        return ShopView(**{**said, "collisions": tuple(said["collisions"])})
+
+    def set_spindle(self, rpm: float | None) -> None:
+        """Set a spindle on an inverter as at the lathe: it ramps to `rpm`, or runs out where that is None.
+
+        Raises:
+            LinkError: `simulator.gone`; `simulator.refused`, the card drives this spindle, or not as fast.
+        """
+        self._ask("spindle", rpm=rpm)
+
+    def fault(self, line: str) -> str:
+        """Ask for a fault, or about faults, in a line as on the control socket; return the lines of the answer.
+
+        Raises:
+            LinkError: `simulator.gone`; `simulator.refused`, with the allowed range.
+        """
+        if len(line.encode("utf-8", "replace")) > LONGEST_LINE:
+            raise self._error("simulator.refused", "fault", f"a line has at most {LONGEST_LINE} bytes")
+        return str(self._ask("fault", line=line)["said"])
+
+    def close(self) -> None:
+        """Ask it to end, and end it when it does not. Safe to call twice."""
+        if not self._over:
+            self._end(ConnectionError("closed"))
+
+    def _ask(self, what: str, **content: Any) -> dict[str, Any]:
+        if self._over:
+            raise self._error("simulator.gone", what, self._over)
+        try:
+            said = self._child.ask({"do": what, **content})
+        except (OSError, ValueError) as error:
+            # What was asked may yet be answered: nothing that came later would answer what is asked then.
+            self._end(error)
+            raise self._error("simulator.gone", what, self._over) from error
+        if "refused" in said:
+            raise self._error("simulator.refused", what, str(said["refused"]))
+        return said
+
+    def _end(self, cause: Exception) -> None:
+        """End the process; a name that it has left would lead to whoever has that pseudo-terminal next."""
+        self._over = self._child.end(cause)
+        remove_name(self.address.device)
+
+    def _error(self, code: str, what: str, reason: str) -> LinkError:
+        return LinkError(Problem(code=code, where=str(self.address), key=what, value=reason))
+
+
+class _Child:
+    """The process, the channel to it and what it complains of. Raises `OSError` and `ValueError`."""
+
+    def __init__(self, arguments: list[str]) -> None:
+        # A file and no pipe: nobody reads it while all is well, and it must not block then.
+        self._complaints: IO[bytes] = tempfile.TemporaryFile()
+        self._channel, theirs = socket.socketpair()
+        self._kept = b""
+        # -P: what lies in the present folder is not ours, whatever it is called.
+        command = [sys.executable, "-P", "-m", "drivers.simulator", "--channel", str(theirs.fileno()), *arguments]
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=self._complaints,
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,
+            )
+        except OSError:
+            self._channel.close()
+            self._complaints.close()
+            raise
+        finally:
+            theirs.close()
+
+    def ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Send a request and return what is answered."""
+        self._channel.settimeout(REQUEST_TIMEOUT_S)
+        self._channel.sendall(json.dumps(request).encode("ascii") + b"\n")
+        return self.read(REQUEST_TIMEOUT_S)
+
+    def read(self, timeout_s: float) -> dict[str, Any]:
+        """Return the next thing it says."""
+        deadline = time.monotonic() + timeout_s
+        while b"\n" not in self._kept:
+            left_s = deadline - time.monotonic()
+            if left_s <= 0.0:
+                raise TimeoutError("no answer")
+            self._channel.settimeout(left_s)
+            data = self._channel.recv(CHUNK)
+            if not data:
+                raise ConnectionError("ended")
+            self._kept += data
+        line, _, self._kept = self._kept.partition(b"\n")
+        said = from_json(line)
+        if not isinstance(said, dict):
+            raise ValueError("no answer")
+        return said
+
+    def end(self, cause: Exception) -> str:
+        """End it, and return why: its last words where it left any, otherwise `cause`."""
+        self._channel.close()
+        try:
+            self._process.wait(END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(END_TIMEOUT_S)
+        with self._complaints as complaints:
+            left = max(os.fstat(complaints.fileno()).st_size - LAST_WORDS_BYTES, 0)
+            words = os.pread(complaints.fileno(), LAST_WORDS_BYTES, left).decode("utf-8", "replace").split("\n")
+        return next((printable(line) for line in reversed(words) if line.strip()), _plain(cause))
+
+
+def _plain(error: Exception) -> str:
+    """Return the reason of an error without its number."""
+    return (isinstance(error, OSError) and error.strerror) or str(error)

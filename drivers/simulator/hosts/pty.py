@@ -1,0 +1,174 @@
+"""A pseudo-terminal in the place of a serial line, with the simulated card at its far end."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tempfile
+import time
+import tty
+from contextlib import suppress
+from pathlib import Path
+
+from drivers.simulator.commands.control_characters import CONTROL_X
+from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, PlainStream, Turns
+from drivers.simulator.machine import SimulatedLathe
+
+FOLDER, NAME = "trilobe-", "pmac"
+
+
+class StableName:
+    """A symbolic link in a temporary folder that only its owner may look into."""
+
+    def __init__(self) -> None:
+        """Make the folder.
+
+        Raises:
+            OSError: it cannot be done.
+        """
+        self.path = os.path.join(tempfile.mkdtemp(prefix=FOLDER), NAME)
+
+    def point_at(self, device: str) -> None:
+        """Lead to a device, at no time to nothing where it has led to one before.
+
+        Raises:
+            OSError: it cannot be done.
+        """
+        fresh = f"{self.path}.new"
+        os.symlink(device, fresh)
+        os.replace(fresh, self.path)
+
+    def withdraw(self) -> None:
+        """Lead nowhere."""
+        with suppress(OSError):
+            os.unlink(self.path)
+
+
+def remove_name(path: str) -> None:
+    """Remove a name with its folder, also one that a process has left behind when it died; nothing else."""
+    name = Path(path)
+    if name.name == NAME and name.parent.name.startswith(FOLDER):
+        with suppress(OSError):
+            if name.is_symlink():
+                name.unlink()
+            name.parent.rmdir()
+
+
+CHUNK = 4096
+
+
+class PtyHost:
+    """The one host of the line; `device` is where it finds it, a name of our own.
+
+    Like a serial line it is always there: what a host that goes has left, the next one finds. Only a cut cable
+    hangs it up. Then the name is gone, and comes back with another pseudo-terminal behind it. `heard_s` is when
+    the host was last heard, real time, None before its first word.
+    """
+
+    def __init__(self, lathe: SimulatedLathe) -> None:
+        """Make the pseudo-terminal, and listen on it in the running event loop.
+
+        Raises:
+            OSError: it cannot be done.
+        """
+        self._lathe = lathe
+        self._loop = asyncio.get_running_loop()
+        self._open = False
+        self._name = StableName()
+        self.heard_s: float | None = None
+        try:
+            self._plug_in()
+        except OSError:
+            remove_name(self.device)
+            raise
+
+    @property
+    def device(self) -> str:
+        """Where a host finds it, whichever pseudo-terminal that is."""
+        return self._name.path
+
+    def flush(self) -> None:
+        """Send what the card has answered and the line takes, and read on when the card has room again.
+
+        Without a handshake, what nobody reads is lost in the end.
+        """
+        if self._open and self._port.lost:
+            self._hang_up()
+        if self._open:
+            self._turns.take()
+        elif not self._lathe.lines.cut:
+            with suppress(OSError):  # there is none left at the moment: the next flush tries again
+                self._plug_in()
+
+    def close(self) -> None:
+        """Hang up for good."""
+        self._hang_up()
+        remove_name(self.device)
+
+    def _hang_up(self) -> None:
+        if not self._open:
+            return
+        self._open = False
+        self._name.withdraw()
+        self._turns.end()
+        self._loop.remove_reader(self._line)
+        os.close(self._line)
+        os.close(self._far_end)
+
+    def _plug_in(self) -> None:
+        # The far end stays open here: a host that closes it would otherwise hang up the whole line.
+        self._line, self._far_end = os.openpty()
+        try:
+            tty.setraw(self._far_end)
+            self._name.point_at(os.ttyname(self._far_end))
+        except OSError:
+            os.close(self._line)
+            os.close(self._far_end)
+            raise
+        os.set_blocking(self._line, False)
+        self._port = self._lathe.connect()
+        self._stream = PlainStream(self._lathe, self._port)
+        self._unsent = bytearray()
+        self._turns = Turns(self._turn)
+        self._reading = False
+        self._open = True
+        self._hold_back()
+
+    def _receive(self) -> None:
+        if self._port.lost:
+            return
+        try:
+            data = os.read(self._line, CHUNK)
+        except BlockingIOError:
+            return
+        self.heard_s = time.monotonic()
+        if CONTROL_X in data:
+            self._unsent.clear()
+        self._stream.receive(data)
+        if len(self._unsent) <= SLOW_READER:
+            self._turns.take()
+        else:
+            self._hold_back()
+
+    def _turn(self) -> bool:
+        if self._port.lost:
+            return False  # the next flush hangs up
+        for said in self._stream.turn():
+            self._unsent += said
+        del self._unsent[UNREAD_LIMIT:]
+        if self._unsent:
+            try:
+                del self._unsent[: os.write(self._line, self._unsent)]
+            except BlockingIOError:
+                pass  # the host does not read at the moment
+        self._hold_back()
+        return self._stream.busy and len(self._unsent) <= SLOW_READER
+
+    def _hold_back(self) -> None:
+        """Leave on the line what the card has no room for."""
+        wanted = not self._stream.crowded
+        if wanted and not self._reading:
+            self._loop.add_reader(self._line, self._receive)
+        elif self._reading and not wanted:
+            self._loop.remove_reader(self._line)
+        self._reading = wanted

@@ -1,0 +1,114 @@
+"""The simulated card in real time, at any number of addresses: ASCII streams, Ethernet boards, a serial line.
+
+Faults are asked for at an address of their own.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+
+from drivers.errors import LinkError
+from drivers.link.address import SerialAddress, TcpAddress
+from drivers.simulator.ethernet.board import Board
+from drivers.simulator.ethernet.session import EthernetSession
+from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.control_address import PREFIX, ControlAddress
+from drivers.simulator.hosts.control_socket import listen_for_control
+from drivers.simulator.hosts.pty import PtyHost
+from drivers.simulator.hosts.real_time import Host, ending_signals, keep_time
+from drivers.simulator.machine import SimulatedLathe
+from profiles.problem import Problem
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listeners:
+    """Where hosts may connect: `tcp` is the ASCII stream, `ethernet` the requests of the Ethernet board.
+
+    `control` is where faults are asked for.
+    """
+
+    tcp: TcpAddress | None = None
+    ethernet: TcpAddress | None = None
+    pty: bool = False
+    control: ControlAddress | None = None
+
+
+def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float = 1.0) -> None:
+    """Serve until SIGINT, SIGTERM or SIGHUP; simulated time runs `speed` times as fast as real time.
+
+    Once all of them can be connected, `ready` is told each address, such as `tcp:127.0.0.1:1025`.
+
+    Raises:
+        LinkError: `link.cannot_listen`.
+    """
+    asyncio.run(_serve(lathe, listeners, ready, speed))
+
+
+async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float) -> None:
+    ended = ending_signals()
+    hosts: set[Host] = set()
+    with ExitStack() as opened:
+        addresses = [address async for address in listen(lathe, listeners, hosts, opened)]
+        for address in addresses:
+            ready(address)
+        await keep_time(lathe, hosts, ended.wait(), speed=speed)
+        for connected in tuple(hosts):
+            connected.flush()
+
+
+async def listen(
+    lathe: SimulatedLathe,
+    listeners: Listeners,
+    hosts: set[Host],
+    opened: ExitStack,
+) -> AsyncIterator[str]:
+    """Listen everywhere; yield the addresses that were bound. `opened` closes them.
+
+    Whoever advances the time of the lathe has to `flush` the `hosts` then.
+
+    Raises:
+        LinkError: `link.cannot_listen`.
+    """
+    board = Board()
+    if listeners.tcp:
+        yield await _bind("tcp", listeners.tcp, lambda: Connection(lathe, hosts, PlainStream), opened)
+    if listeners.ethernet:
+        session = partial(EthernetSession, board=board)
+        yield await _bind("ethernet", listeners.ethernet, lambda: Connection(lathe, hosts, session), opened)
+    if listeners.pty:
+        try:
+            line = PtyHost(lathe)
+        except OSError as error:
+            raise _refusal("pty", error) from error
+        opened.callback(line.close)
+        hosts.add(line)
+        yield str(SerialAddress(device=line.device))
+    if listeners.control:
+        try:
+            yield await listen_for_control(lathe, listeners.control, opened)
+        except OSError as error:
+            raise _refusal(f"{PREFIX}{listeners.control}", error) from error
+
+
+async def _bind(kind: str, address: TcpAddress, connect: Callable[[], Connection], opened: ExitStack) -> str:
+    """Listen on a socket; return the address that was bound."""
+    try:
+        server = await asyncio.get_running_loop().create_server(connect, address.host, address.port)
+    except OSError as error:
+        raise _refusal(_named(kind, address), error) from error
+    opened.callback(server.close)
+    host, port = server.sockets[0].getsockname()[:2]
+    return _named(kind, TcpAddress(host=host, port=port))
+
+
+def _named(kind: str, address: TcpAddress) -> str:
+    return f"{kind}:{str(address).removeprefix('tcp:')}"
+
+
+def _refusal(where: str, error: OSError) -> LinkError:
+    reason = error.strerror or str(error)
+    return LinkError(Problem(code="link.cannot_listen", where=where, value=reason))

@@ -1,0 +1,169 @@
+"""The drives of a simulated lathe, built from what its profile and its true parameters say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.jog_motion import HomeSensor
+from drivers.simulator.card.servo import Axis, ServoAxis, ServoGains
+from drivers.simulator.plant.axis import IdealAxis, NoisyScale, Scale, ends_at
+from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
+from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
+from drivers.simulator.plant.radial_error import RadialError
+from drivers.simulator.plant.spindle import Spindle
+from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
+from drivers.simulator.plant.true_parameters import TrueParameters
+from profiles.machine import MachineProfile
+
+DAC_BITS = 32_768
+"""Full scale of the 16-bit output."""
+
+MotorVariable = Callable[[int, int], float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drives:
+    """The axes of one lathe. `inverter` is what drives the spindle where the card does not.
+
+    `load` is what the cut does to the tool, `wander` what the axis of the spindle does; None is nothing of it.
+    """
+
+    tool: ServoAxis
+    spindle: Spindle
+    carriage: IdealAxis
+    inverter: InverterSpindle | None
+    load: TipLoad | None
+    wander: RadialError | None
+    machine: MachineProfile
+
+    def axes(self) -> dict[int, tuple[Axis, HomeSensor]]:
+        """Return the axis and the home trigger of each motor."""
+        turn = float(self.machine.spindle.counts_per_rev)
+        return {
+            self.machine.tool.motor: (self.tool, HomeSensor()),
+            self.machine.spindle.motor: (self.spindle, HomeSensor(period=turn)),
+            self.machine.carriage.motor: (self.carriage, HomeSensor()),
+        }
+
+    def take_gains(self, variables: VariableStore) -> None:
+        """Use the gains that the card has now."""
+        self.tool.set_gains(_gains(self.machine.tool.motor, variables.motor))
+        if isinstance(self.spindle.drive, ServoAxis):
+            self.spindle.drive.set_gains(_gains(self.machine.spindle.motor, variables.motor))
+
+
+def build_drives(machine: MachineProfile, true: TrueParameters, settings: dict[int, float]) -> Drives:
+    """Return the drives; `settings` are the I-variables of the card."""
+
+    def setting(motor: int, suffix: int) -> float:
+        return settings.get(100 * motor + suffix, 0.0)
+
+    spindle = _spindle_drive(machine, true, setting)
+    cycle_s = _cycle_s(machine)
+    per_mm = machine.carriage.counts_per_mm
+    start_counts = true.carriage_start_mm * per_mm
+    pp_um = true.radial_error_um_pp
+    wander = RadialError(pp_um, true.chance("radial error")) if pp_um else None
+    load = _load(machine, true, wander) if true.passive_share else None
+    return Drives(
+        tool=_tool(machine, true, setting, load),
+        spindle=_spindle(machine, true, spindle),
+        carriage=IdealAxis(cycle_s, true.coast_s, start_counts, ends_at(true.carriage_ends_mm, per_mm)),
+        inverter=spindle if isinstance(spindle, InverterSpindle) else None,
+        load=load,
+        wander=wander,
+        machine=machine,
+    )
+
+
+def _tool(
+    machine: MachineProfile, true: TrueParameters, setting: MotorVariable, load: TipLoad | None
+) -> ServoAxis:
+    tool = machine.tool
+    volt_per_bit = tool.dac_full_scale_v / DAC_BITS
+    slide = linear_motor(
+        mass_kg=true.moving_mass_kg,
+        damping_n_s_per_m=true.viscous_n_s_per_m,
+        force_n_per_bit=true.thrust_n_per_v * volt_per_bit,
+        peak_output_bits=math.floor(true.peak_command_v / volt_per_bit),
+        counts_per_m=tool.counts_per_mm * 1000.0,
+        friction_n=true.coulomb_friction_n,
+    )
+    start_counts = true.tool_start_mm * tool.counts_per_mm
+    ends = ends_at(true.tool_ends_mm, tool.counts_per_mm)
+    noise_counts = true.encoder_noise_um / 1000.0 * tool.counts_per_mm
+    scale = NoisyScale(noise_counts, true.chance("encoder").randrange(2**32)) if noise_counts else Scale()
+    gains, lag_s = _gains(tool.motor, setting), true.current_lag_s
+    return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, load)
+
+
+def _load(machine: MachineProfile, true: TrueParameters, wander: RadialError | None) -> TipLoad:
+    tool, spindle = machine.tool, machine.spindle
+    geometry = TipGeometry(
+        home_radius_mm=true.home_radius_mm,
+        land_mm=true.wiper_land_mm,
+        tool_counts_per_mm=tool.counts_per_mm,
+        carriage_counts_per_mm=machine.carriage.counts_per_mm,
+        spindle_counts_per_turn=spindle.counts_per_rev * true.belt_ratio,
+    )
+    return TipLoad(geometry, wander, 1000.0 * tool.counts_per_mm / true.moving_mass_kg)
+
+
+def _spindle(machine: MachineProfile, true: TrueParameters, drive: Axis) -> Spindle:
+    phase_rad = true.chance("ripple").uniform(0.0, 2.0 * math.pi) if true.speed_ripple else 0.0
+    counts_per_turn = machine.spindle.counts_per_rev * true.belt_ratio
+    built = true.speed_ripple, true.ripple_per_turn
+    return Spindle(drive, counts_per_turn, _cycle_s(machine), built, phase_rad)
+
+
+def _spindle_drive(
+    machine: MachineProfile, true: TrueParameters, setting: MotorVariable
+) -> ServoAxis | IdealAxis | InverterSpindle:
+    """Return what turns the spindle. What the card counts is the encoder, which a belt may drive."""
+    spindle, cycle_s = machine.spindle, _cycle_s(machine)
+    counts_per_turn = spindle.counts_per_rev * true.belt_ratio
+    start_counts = float(round(true.spindle_start_turns * counts_per_turn))
+    if spindle.drive == "inverter":
+        drive = InductionDrive(
+            inertia_kg_m2=true.spindle_inertia_kg_m2,
+            drag_n_m_s_per_rad=true.spindle_drag_n_m_s_per_rad,
+            friction_n_m=true.spindle_friction_n_m,
+            peak_torque_n_m=true.spindle_peak_torque_n_m,
+            ramp_rpm_per_s=true.ramp_rpm_per_s,
+            slip_rpm=true.slip_rpm,
+        )
+        return InverterSpindle(drive, counts_per_turn, cycle_s, start_counts)
+    if true.ideal_spindle:
+        return IdealAxis(cycle_s, true.coast_s, origin=start_counts)
+    rotor = rotary_motor(
+        inertia_kg_m2=true.spindle_inertia_kg_m2,
+        drag_n_m_s_per_rad=true.spindle_drag_n_m_s_per_rad,
+        # The amplifier gives the peak torque at the full scale of the output.
+        torque_n_m_per_bit=true.spindle_peak_torque_n_m / DAC_BITS,
+        peak_output_bits=DAC_BITS,
+        counts_per_turn=counts_per_turn,
+        friction_n_m=true.spindle_friction_n_m,
+    )
+    return ServoAxis(rotor, _gains(spindle.motor, setting), cycle_s, origin=start_counts)
+
+
+def _cycle_s(machine: MachineProfile) -> float:
+    return machine.controller.servo_period_ms / 1000.0
+
+
+def _gains(motor: int, variable: MotorVariable) -> ServoGains:
+    return ServoGains(
+        ix08=variable(motor, 8),
+        ix09=variable(motor, 9),
+        ix30=variable(motor, 30),
+        ix31=variable(motor, 31),
+        ix32=variable(motor, 32),
+        ix33=variable(motor, 33),
+        ix34=variable(motor, 34),
+        ix35=variable(motor, 35),
+        ix63=variable(motor, 63),
+        ix69=variable(motor, 69),
+    )

@@ -1,0 +1,163 @@
+"""What happens at the chuck of the simulated lathe: a part is clamped, cut, run into, looked at and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.simulator.plant.collision import Collision, CollisionWatch, Track, clamped
+from drivers.simulator.plant.drives import Drives
+from drivers.simulator.plant.gauge import Gauge, look_at
+from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.tip_load import Stock, cutting_torque_n_m, material_of
+from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.workpiece import ANGLES, Workpiece
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.traces import Trace
+
+SECTIONS = (0.0, -0.4, 0.4)
+"""Where the part is measured, in lengths of the cut past its middle, towards the jaws; the middle first."""
+
+MID_LENGTH = 0
+
+SAME_PLACE_MM = 1e-6
+
+
+class ShopFloor:
+    """The chuck with what is in it. Places of the iron are counts from its flags and index."""
+
+    def __init__(self, machine: MachineProfile, true: TrueParameters, drives: Drives) -> None:
+        self._machine = machine
+        self._true = true
+        self._inverter = drives.inverter
+        self._tool, self._carriage = drives.tool, drives.carriage
+        self._load, self._wander = drives.load, drives.wander
+        self._gauge = Gauge(true)
+        self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
+        self._clampings = true.chance("clampings")
+        self._watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
+        self._part: Workpiece | None = None
+        self._released: Workpiece | None = None
+        self._nominal_radius_mm = 0.0
+        self._past_middle_mm: tuple[float, ...] = ()
+        self._free_end_mm = true.jaw_face_mm
+        self._torque_n_m = 0.0
+
+    @property
+    def collisions(self) -> tuple[Collision, ...]:
+        """What has met since the last blank was clamped, each kind once."""
+        return self._watch.found
+
+    def mount(self, job: Job) -> None:
+        """Clamp a new blank for `job`."""
+        true, self._released = self._true, None
+        self._free_end_mm = true.jaw_face_mm - job.overhang_mm
+        middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
+        growth_per_mm = true.growth_per_mm(job)
+        blank = replace(
+            true.blank(job, true.force_factor(self._clampings)), middle_mm=middle_mm, growth_per_mm=growth_per_mm
+        )
+        self._past_middle_mm = tuple(share * job.cut_length_mm for share in SECTIONS)
+        sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
+        self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
+        self._nominal_radius_mm = job.finished_radius_mm
+        self._torque_n_m = cutting_torque_n_m(job)
+        self._watch.clamp(clamped(job, true.jaw_face_mm), self._part.clamped_radius_mm)
+        if self._load is not None:
+            self._load.clamp(
+                Stock(
+                    radius_mm=blank.radius_mm,
+                    ends_mm=(self._free_end_mm, true.jaw_face_mm),
+                    material=material_of(job),
+                    share=true.passive_share,
+                    edge_n_per_mm=true.edge_n_per_mm,
+                )
+            )
+
+    def measure(self, past_middle_mm: float = 0.0) -> Trace:
+        """Release the part and take its trace; until another is clamped, once more.
+
+        It is taken so far past the middle of the cut, towards the jaws: there, or 0.4 lengths of the cut to either
+        side.
+
+        Raises:
+            ValueError: there is no section at `past_middle_mm`.
+            RuntimeError: no part is mounted.
+        """
+        part = self._part or self._released
+        if part is None:
+            raise RuntimeError("no part is mounted")
+        section = self._section_at(past_middle_mm)
+        if self._part is not None:
+            self._part, self._released = None, self._part
+            self._watch.release()
+            if self._load is not None:
+                self._load.clamp(None)
+        _, free_um = part.released_um(section, self._nominal_radius_mm)
+        return self._gauge.trace(free_um, self._nominal_radius_mm, "free")
+
+    def _section_at(self, past_middle_mm: float) -> int:
+        for section, there_mm in enumerate(self._past_middle_mm):
+            if abs(there_mm - past_middle_mm) <= SAME_PLACE_MM:
+                return section
+        there = ", ".join(f"{each_mm:g}" for each_mm in self._past_middle_mm)
+        raise ValueError(f"past_middle_mm = {past_middle_mm:g}: sections are at {there} mm")
+
+    def measure_clamped(self) -> Trace:
+        """Take the trace of the part in the chuck with an indicator where the tool is: the spindle is in it."""
+        if self._part is None:
+            raise RuntimeError("no part is mounted")
+        clamped_um = self._part.clamped_um(MID_LENGTH, self._nominal_radius_mm)
+        if self._wander is not None:
+            clamped_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
+        return self._gauge.trace(clamped_um, self._nominal_radius_mm, "clamped")
+
+    def look(self, tool: float, spindle: float, carriage: float) -> ShopView:
+        """Look at the chuck with the axes where they are.
+
+        A chuck that was mounted as each job says has its jaw 1 at the index until a part was clamped.
+        """
+        last = self._part or self._released
+        return look_at(
+            self._part,
+            (self._free_end_mm, self._true.jaw_face_mm),
+            self._tips_mm((tool,))[0],
+            spindle * self._turns_per_count,
+            carriage / self._machine.carriage.counts_per_mm,
+            last.blank.jaw_1_deg if last else self._true.jaw_1_deg or 0.0,
+            self.collisions,
+        )
+
+    def pass_along(self, tracks: Mapping[int, Sequence[float]], end_ms: float) -> None:
+        """Let the tool go along the tracks of the motors: see what it meets, then cut."""
+        machine = self._machine
+        per_z = 1.0 / machine.carriage.counts_per_mm
+        turns = [y * self._turns_per_count for y in tracks[machine.spindle.motor]]
+        radius_mm = self._tips_mm(tracks[machine.tool.motor])
+        if self._wander is not None:
+            radius_mm = [tip - self._wander.at_mm(turn) for tip, turn in zip(radius_mm, turns, strict=True)]
+        track = Track(
+            radius_mm=radius_mm,
+            turns=turns,
+            z_mm=[z * per_z for z in tracks[machine.carriage.motor]],
+            end_ms=end_ms,
+            cycle_ms=machine.controller.servo_period_ms,
+        )
+        self._watch.look(track, at_end=self._tool.at_end or self._carriage.at_end)
+        if self._part is None:
+            return
+        if self._inverter is not None:
+            in_part = self._free_end_mm <= track.z_mm[-1] <= self._true.jaw_face_mm
+            cutting = in_part and track.radius_mm[-1] < self._part.blank.radius_mm
+            self._inverter.load_n_m = self._torque_n_m if cutting else 0.0
+        self._part.cut(track.radius_mm, track.turns, track.z_mm)
+
+    def _tips_mm(self, counts: Sequence[float]) -> list[float]:
+        """Return the radius of the tool tip at what the scale of the tool says."""
+        true, per_mm, home_mm = self._true, 1.0 / self._machine.tool.counts_per_mm, self._true.home_radius_mm
+        if not true.scale_error_um:
+            return [home_mm - x * per_mm for x in counts]
+        return [home_mm - x * per_mm - true.scale_wrong_mm(x * per_mm) for x in counts]

@@ -1,0 +1,165 @@
+"""How fast a lobe of some amplitude may be cut: the speed at which each limit of the tool axis is reached.
+
+For y = A sin(w t): F = (-M w^2 + j B w) A, I = F / Kt, V = (R + j w L) I + Kb j w A, with a steady cutting force
+taken off first. Speeds in rpm, amplitudes in um (half of peak to peak).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.axis.response import AMPLIFICATION_LIMIT
+from profiles.axis.servo import drive_need, sampled_response
+from profiles.job import Job
+from profiles.machine import MachineProfile, ToolAxis
+
+FloatArray = NDArray[np.float64]
+
+AMPLITUDES_UM = (5.0, 16.5, 27.5, 50.0, 100.0, 200.0, 500.0, 1000.0)
+RESERVED_N = 100.0
+"""Cutting force that is kept free."""
+
+_LEAST_HZ, _GRID = 0.05, 4000
+_MOST_HZ = 1e5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnvelopeRow:
+    """The highest speeds for one amplitude, by the name of the limit; a limit that nobody knows is not in it.
+
+    "peak_thrust", "heat", "current", "encoder_acceleration", "encoder_velocity", "velocity" (Ix16), "voltage",
+    "following_error" (Ix11, the lag inverted) and "loop" (a command of `AMPLIFICATION_LIMIT` times the motion).
+    """
+
+    amplitude_um: float
+    rpm: dict[str, float]
+
+    @property
+    def binding(self) -> str:
+        """The limit that is reached first."""
+        return min(self.rpm, key=self.rpm.__getitem__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Envelope:
+    """The rows over the amplitudes, and the row of the job with its speed as a percentage of each limit.
+
+    A limit of 0 rpm, of a tool that has no force beyond what is kept free, has no percentage (None).
+    `plain_sine_rpm` is how fast the job could be cut within its tolerance without inverting the servo; None where
+    it always can.
+    """
+
+    rows: tuple[EnvelopeRow, ...]
+    at_job: EnvelopeRow
+    percent: dict[str, float | None]
+    plain_sine_rpm: float | None
+
+
+def envelope(
+    job: Job,
+    machine: MachineProfile,
+    *,
+    amplitudes_um: Sequence[float] = AMPLITUDES_UM,
+    reserved_n: float = RESERVED_N,
+) -> Envelope:
+    """Return the envelope of a machine for the jaws of a job."""
+    rows = tuple(envelope_row(machine, each, job.jaws, reserved_n=reserved_n) for each in amplitudes_um)
+    # A job without a lobe has no limit; a hundredth of a micrometre is none, either.
+    at_job = envelope_row(machine, max(job.lobe_amplitude_um, 0.01), job.jaws, reserved_n=reserved_n)
+    share = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
+    plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), share, _nyquist_hz(machine))
+    return Envelope(
+        rows=rows,
+        at_job=at_job,
+        percent={name: 100 * job.spindle_speed_rpm / rpm if rpm else None for name, rpm in at_job.rpm.items()},
+        plain_sine_rpm=None if plain_hz is None else _rpm(plain_hz, job.jaws),
+    )
+
+
+def envelope_row(
+    machine: MachineProfile, amplitude_um: float, jaws: int, *, reserved_n: float = RESERVED_N
+) -> EnvelopeRow:
+    """Return the highest speed for each limit at one amplitude."""
+    tool = machine.tool
+    amplitude_m = amplitude_um * 1e-6
+    heat_n = math.sqrt(2 * max(tool.continuous_force_n**2 - reserved_n**2, 0.0))
+    variables = machine.controller.variables
+    fastest_m_per_s = variables[f"I{tool.motor}16"] / tool.counts_per_mm
+    hz = {
+        "peak_thrust": _of_force(tool, amplitude_m, tool.peak_force_n - reserved_n),
+        "heat": _of_force(tool, amplitude_m, heat_n),
+        "current": _of_force(tool, amplitude_m, tool.peak_current_a * tool.thrust_constant_n_per_a - reserved_n),
+        "encoder_acceleration": math.sqrt(tool.encoder_max_acceleration_m_per_s2 / amplitude_m) / (2 * math.pi),
+        "encoder_velocity": tool.encoder_max_velocity_m_per_min / 60 / amplitude_m / (2 * math.pi),
+        "velocity": fastest_m_per_s / amplitude_m / (2 * math.pi),
+        **_of_voltage(machine, amplitude_um, reserved_n),
+        **_of_loop(machine, amplitude_um),
+    }
+    return EnvelopeRow(amplitude_um=amplitude_um, rpm={name: _rpm(each, jaws) for name, each in hz.items()})
+
+
+def first_beyond(measure: Callable[[FloatArray], FloatArray], limit: float, top_hz: float) -> float | None:
+    """Return the lowest frequency below `top_hz` at which `measure` is above a limit, None where it never is.
+
+    The crossing lies between two points of a grid and is closed in by halving.
+    """
+    grid = np.geomspace(_LEAST_HZ, top_hz, _GRID)
+    above = measure(grid) > limit
+    if not above.any():
+        return None
+    place = int(np.argmax(above))
+    low, high = float(grid[max(place - 1, 0)]), float(grid[place])
+    for _ in range(40):
+        middle = (low + high) / 2
+        if float(measure(np.array([middle]))[0]) > limit:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def _of_force(tool: ToolAxis, amplitude_m: float, force_n: float) -> float:
+    """Solve |-M w^2 + j B w| A = F for the frequency; 0 where nothing of the force is left."""
+    mass2, damping2 = tool.moving_mass_kg**2, tool.damping_n_s_per_m**2
+    wanted = (max(force_n, 0.0) / amplitude_m) ** 2
+    omega2 = (math.sqrt(damping2**2 + 4 * mass2 * wanted) - damping2) / (2 * mass2)
+    return math.sqrt(omega2) / (2 * math.pi)
+
+
+def _of_voltage(machine: MachineProfile, amplitude_um: float, reserved_n: float) -> dict[str, float]:
+    tool = machine.tool
+    if tool.bus_voltage_v is None:
+        return {}
+    left_v = tool.bus_voltage_v - tool.coil_resistance_ohm * reserved_n / tool.thrust_constant_n_per_a
+    low, high = 0.0, _MOST_HZ
+    for _ in range(60):
+        middle = (low + high) / 2
+        if drive_need(machine, amplitude_um, middle).voltage_v > left_v:
+            high = middle
+        else:
+            low = middle
+    return {"voltage": low}
+
+
+def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
+    """The command is A / |T|, and lags behind by A |1/T - 1|; where |T| vanishes nothing can be inverted."""
+    top_hz = _nyquist_hz(machine)
+    trip_um = machine.controller.variables[f"I{machine.tool.motor}11"] / 16 * machine.tool.count_um
+    following = first_beyond(
+        lambda f: amplitude_um * np.abs(1 / sampled_response(machine, f) - 1), trip_um, top_hz
+    )
+    loop = first_beyond(lambda f: 1 / np.abs(sampled_response(machine, f)), AMPLIFICATION_LIMIT, top_hz)
+    return {"following_error": following or top_hz, "loop": loop or top_hz}
+
+
+def _nyquist_hz(machine: MachineProfile) -> float:
+    return 0.999 * 500 / machine.controller.servo_period_ms
+
+
+def _rpm(lobe_frequency_hz: float, jaws: int) -> float:
+    return 60 * lobe_frequency_hz / jaws

@@ -1,0 +1,165 @@
+"""The tool axis as a servo: Eq 9, the same loop as the controller samples it, and what a sine costs it.
+
+Lengths are in m, voltages are those of the controller's output. Every response is complex, from commanded to
+actual position, at frequencies in Hz; a lag is a negative phase. The gains of the controller and those of
+Eq 9 are converted into each other, so that the inverse which is commanded is that of the loop which runs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables
+from profiles.machine import MachineProfile
+
+ComplexArray = NDArray[np.complex128]
+
+_HALF_POWER_DB = 20 * math.log10(1 / math.sqrt(2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Eq9Summary:
+    """Figures of the continuous closed loop (section 4.2 of the paper claims about 80 Hz and below 5 %)."""
+
+    bandwidth_hz: float
+    peak: float
+    peak_hz: float
+    overshoot_percent: float
+    crossover_hz: float
+    phase_margin_deg: float
+    gain_margin: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveNeed:
+    """What a sine asks of motor and amplifier; peak values, and the mean copper loss."""
+
+    velocity_mm_per_s: float
+    acceleration_m_per_s2: float
+    force_n: float
+    current_a: float
+    voltage_v: float
+    copper_loss_w: float
+
+
+def eq9_response(machine: MachineProfile, frequency_hz: ArrayLike) -> ComplexArray:
+    """Return Eq 9, C Ka Kt / (M s^2 + B s + C Ka Kt), in the shape of `frequency_hz`.
+
+    C = Kp + Ki/s + Kd s. At 0 Hz the value is 1.
+    """
+    numerator, denominator = _eq9_polynomials(machine)
+    s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+    response = np.polyval(numerator, s) / np.polyval(denominator, s)
+    return np.asarray(response, dtype=np.complex128)
+
+
+def eq9_summary(machine: MachineProfile) -> Eq9Summary:
+    """Return bandwidth (half power), resonance peak, step overshoot and margins of Eq 9."""
+    numerator, denominator = _eq9_polynomials(machine)
+    return _summary(tuple(numerator), tuple(denominator))
+
+
+@lru_cache(maxsize=16)  # it is of the tool alone, and asked for with every job on it
+def _summary(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> Eq9Summary:
+    import control
+
+    closed = control.TransferFunction(list(numerator), list(denominator))
+    opened = control.TransferFunction(list(numerator), np.polysub(denominator, numerator))
+    gain_margin, phase_margin, _, crossover = control.margin(opened)
+    bandwidth_hz = float(control.bandwidth(closed, dbdrop=_HALF_POWER_DB)) / (2 * math.pi)
+    frequencies = np.linspace(0, 4 * bandwidth_hz, 20_001)
+    s = 2j * np.pi * frequencies
+    magnitudes = np.abs(np.polyval(numerator, s) / np.polyval(denominator, s))
+    time_s = np.linspace(0, 10 / bandwidth_hz, 20_001)
+    step = control.step_response(closed, time_s).outputs
+    return Eq9Summary(
+        bandwidth_hz=bandwidth_hz,
+        peak=float(magnitudes.max()),
+        peak_hz=float(frequencies[magnitudes.argmax()]),
+        overshoot_percent=100 * (float(np.max(step)) - 1),
+        crossover_hz=float(crossover) / (2 * math.pi),
+        phase_margin_deg=float(phase_margin),
+        gain_margin=float(gain_margin),
+    )
+
+
+def sampled_response(
+    machine: MachineProfile, frequency_hz: ArrayLike, gains: PidGains | None = None
+) -> ComplexArray:
+    """Return the response of the sampled loop, in the shape of `frequency_hz` (above 0, below Nyquist).
+
+    The plant M s^2 + B s sits behind a zero-order hold of one servo period, derivatives are backward
+    differences, and the output acts one period late. Without `gains` they are those of the controller's
+    variables. At 0 Hz the value is 1.
+    """
+    gains = gains_from_variables(machine) if gains is None else gains
+    period_s = machine.controller.servo_period_ms / 1000
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    # The integrator has a pole at 0 Hz; a microhertz stands in for it.
+    z = np.exp(2j * np.pi * np.where(frequency == 0, 1e-6, frequency) * period_s)
+    slope = (1 - 1 / z) / period_s
+    shared = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
+    plant = _held_plant(machine, z, period_s) / z
+    ahead = (
+        shared
+        + gains.velocity_feedforward_v_s_per_m * slope
+        + gains.acceleration_feedforward_v_s2_per_m * slope**2
+    )
+    back = shared + gains.kd_v_s_per_m * slope
+    response = plant * ahead / (1 + plant * back)
+    return np.asarray(response, dtype=np.complex128)
+
+
+def following_error_um(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> float:
+    """Return the peak following error of the sampled loop for a sine: A |1 - T|."""
+    return amplitude_um * float(np.abs(1 - sampled_response(machine, frequency_hz)))
+
+
+def drive_need(machine: MachineProfile, amplitude_um: float, frequency_hz: float) -> DriveNeed:
+    """Return force, current, voltage and loss of y = A sin(w t) without a cut.
+
+    F = (-M w^2 + j B w) A, I = F / Kt, V = (R + j w L) I + Kb j w A.
+    """
+    tool = machine.tool
+    amplitude_m, omega = amplitude_um * 1e-6, 2 * math.pi * frequency_hz
+    force = amplitude_m * complex(-tool.moving_mass_kg * omega**2, tool.damping_n_s_per_m * omega)
+    current = force / tool.thrust_constant_n_per_a
+    coil = complex(tool.coil_resistance_ohm, omega * tool.coil_inductance_h)
+    voltage = coil * current + 1j * tool.back_emf_v_s_per_m * omega * amplitude_m
+    return DriveNeed(
+        velocity_mm_per_s=1000 * omega * amplitude_m,
+        acceleration_m_per_s2=omega**2 * amplitude_m,
+        force_n=abs(force),
+        current_a=abs(current),
+        voltage_v=abs(voltage),
+        copper_loss_w=abs(current) ** 2 * tool.coil_resistance_ohm / 2,
+    )
+
+
+def _eq9_polynomials(machine: MachineProfile) -> tuple[list[float], list[float]]:
+    """Return numerator and denominator of Eq 9 in falling powers of s, both multiplied by s."""
+    tool, gains = machine.tool, eq9_gains(machine)
+    gain = tool.loop_gain_n_per_v
+    numerator = [gain * gains.kd_v_s_per_m, gain * gains.kp_v_per_m, gain * gains.ki_v_per_m_s]
+    denominator = [tool.moving_mass_kg, tool.damping_n_s_per_m + numerator[0], *numerator[1:]]
+    if gains.ki_v_per_m_s == 0:  # the common factor s, which would make 0 Hz undefined
+        return numerator[:-1], denominator[:-1]
+    return numerator, denominator
+
+
+def _held_plant(machine: MachineProfile, z: ComplexArray, period_s: float) -> ComplexArray:
+    """Return Ka Kt / (M s^2 + B s) behind a zero-order hold, in m/V."""
+    tool = machine.tool
+    gain, mass, damping = tool.loop_gain_n_per_v, tool.moving_mass_kg, tool.damping_n_s_per_m
+    x = damping * period_s / mass
+    if x < 1e-6:  # the differences below would cancel; the plant is a double integrator
+        return np.asarray(gain * period_s**2 / (2 * mass) * (z + 1) / (z - 1) ** 2)
+    decay = math.exp(-x)
+    lost = -math.expm1(-x) / x
+    numerator = gain / damping * period_s * ((1 - lost) * z + (lost - decay))
+    return np.asarray(numerator / ((z - 1) * (z - decay)))

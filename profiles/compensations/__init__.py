@@ -1,0 +1,1 @@
+"""Compensation paths: computed, learned from parts, kept within bounds."""

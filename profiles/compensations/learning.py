@@ -1,0 +1,133 @@
+"""Learning two numbers for each harmonic: from the tool in air, from the tool in the cut, from the measured part.
+
+A harmonic of n waves in a turn is a complex coefficient c in um: Re(c exp(j n angle)), angle from the spindle's
+index. Tool motion is positive into the work, a part's deviation positive outwards, an error wanted minus actual.
+
+The tool is learned against its own scale: U <- U + gain E / T, with U the command, E the error and T the nominal
+response. The error shrinks by |1 - gain T' / T| a pass, T' the true response; below 1 it converges (iterative
+learning control in the frequency domain, Bristow, Tharayil and Alleyne 2006). The part is learned against the
+gauge: what stands high is wanted deeper, W <- W + gain R.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from profiles.compensations.path import CutPath
+from profiles.problem import Problem, ProfileError
+
+SIGNIFICANT = 2.45
+"""Standard deviations of an amplitude above which a wave is there: 95 %, chi-square of two degrees of freedom."""
+
+STEADY_SHARE = 0.02
+"""Below this share of the condition number the angles cannot tell the waves apart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HarmonicFit:
+    """Waves found in samples: the mean, coefficients by their waves in a turn, and what is left.
+
+    `amplitude_sd_um` is the standard deviation of each amplitude as far as the rest is white, `rest_rms_um` that
+    of the rest itself.
+    """
+
+    mean_um: float
+    coefficients_um: Mapping[int, complex]
+    amplitude_sd_um: float
+    rest_rms_um: float
+
+    def significant(self) -> dict[int, complex]:
+        """Return the coefficients that stand out of the noise."""
+        least = SIGNIFICANT * self.amplitude_sd_um
+        return {n: c for n, c in self.coefficients_um.items() if abs(c) > least}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """By how much something is off, in um: its mean, and waves by their number in a turn."""
+
+    mean_um: float = 0.0
+    coefficients_um: Mapping[int, complex]
+
+
+def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[int]) -> HarmonicFit:
+    """Fit mean and waves of `orders` together by least squares; both inputs have shape (M,), angles in any order.
+
+    Raises:
+        ProfileError: `learning.few_samples`, or angles that cannot tell the waves apart.
+    """
+    angle = np.radians(np.asarray(angle_deg, dtype=np.float64))
+    values = np.asarray(values_um, dtype=np.float64)
+    unknowns = 1 + 2 * len(orders)
+    if values.size <= 2 * unknowns:
+        raise ProfileError(Problem(code="learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}"))
+    waves = np.outer(angle, np.asarray(orders, dtype=np.float64))
+    design = np.hstack((np.ones((values.size, 1)), np.cos(waves), np.sin(waves)))
+    solution, _, _, singular = np.linalg.lstsq(design, values, rcond=None)
+    if singular[-1] < STEADY_SHARE * singular[0]:
+        gap = f"{math.degrees(float(np.ptp(angle))):.3g} deg"
+        raise ProfileError(Problem(code="learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg"))
+    rest = values - design @ solution
+    variance = float(rest @ rest) / (values.size - unknowns)
+    cosine, sine = solution[1 : 1 + len(orders)], solution[1 + len(orders) :]
+    return HarmonicFit(
+        mean_um=float(solution[0]),
+        coefficients_um={n: complex(p, -q) for n, p, q in zip(orders, cosine, sine, strict=True)},
+        amplitude_sd_um=math.sqrt(2.0 * variance / values.size),
+        rest_rms_um=math.sqrt(variance),
+    )
+
+
+def learned_command(
+    path: CutPath, error_um: Mapping[int, complex], response: Callable[[int], complex], gain: float = 1.0
+) -> CutPath:
+    """Return the path with a command that takes the error (wanted minus actual) of the tool away.
+
+    `response` is the nominal one from command to tool, by waves in a turn.
+    """
+    change = {n: gain * error / response(n) for n, error in error_um.items()}
+    return CutPath(wanted=path.wanted, command=path.command.plus(change))
+
+
+def learned_part(
+    path: CutPath, part: Deviation, tool: Deviation, response: Callable[[int], complex], gain: float = 1.0
+) -> CutPath:
+    """Return the path for the next part, after one that deviates by `part` while the tool itself was `tool` off.
+
+    Both are positive where the part stands high or the tool was not in far enough. What the tool was off is a
+    fault of the command alone; the rest is one of what was wanted, and the command follows it by the nominal
+    response.
+    """
+    wanted = {n: gain * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
+    mean_um = gain * (part.mean_um - tool.mean_um)
+    told = {
+        n: (wanted.get(n, 0j) + tool.coefficients_um.get(n, 0j)) / response(n)
+        for n in (*wanted, *tool.coefficients_um)
+    }
+    return CutPath(
+        wanted=path.wanted.plus(wanted, mean_um), command=path.command.plus(told, mean_um + tool.mean_um)
+    )
+
+
+def convergence(true: complex, nominal: complex, gain: float = 1.0) -> float:
+    """Return |1 - gain T' / T|, by which an error shrinks with each pass; from 1 on it does not."""
+    return abs(1.0 - gain * true / nominal)
+
+
+def trimmed(trim_um: complex, error_um: complex, response: complex, gain: float, most_um: float) -> complex:
+    """Return the next trim of a cut that goes on: adaptive feedforward cancellation, once a batch of samples.
+
+    Raises:
+        ProfileError: `learning.trim_limit`; the trim that is in effect stays.
+    """
+    wanted = trim_um + gain * error_um / response
+    if not abs(wanted) <= most_um:
+        raise ProfileError(
+            Problem(code="learning.trim_limit", value=f"{abs(wanted):.2f} um", limit=f"<= {most_um:g} um")
+        )
+    return wanted

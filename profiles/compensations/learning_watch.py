@@ -1,0 +1,112 @@
+"""Whether what is learned gets better: each wave against its best pass so far, and back to it where it grows.
+
+A pass that learns takes e to (1 - gain T'/T) e. From a factor of 1 on it makes worse what it is to mend, and says
+nothing of it. So a wave that has surely grown is put back to what it was at its best, and stays as it is there:
+what is left of it never ends above the best that was met, but for noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+from profiles.compensations.learning import SIGNIFICANT
+from profiles.compensations.path import CutPath, LobedPath
+
+Value = TypeVar("Value")
+
+REPEATS_SD_UM = 0.1
+"""By how much a wave differs from pass to pass with one and the same path, beside what a fit can see of it.
+
+Twice the 0.05 um of tool and part on the simulated lathe `realistic`, by friction and by what of its spindle
+repeats in no turn: a real one is hardly better.
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grown:
+    """A wave that is learned no more: amplitudes in um at its best, and of the pass that was surely worse."""
+
+    waves: int
+    best_um: float
+    grown_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Best:
+    """What was left of a wave at its best, an amplitude with its standard deviation, and the path of that pass."""
+
+    left_um: float
+    sd_um: float
+    wanted: complex
+    command: complex
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch:
+    """The best pass of each wave so far, and the waves that have grown since theirs."""
+
+    best: Mapping[int, Best] = field(default_factory=dict)
+    grown: tuple[Grown, ...] = ()
+
+    def judged(
+        self,
+        path: CutPath,
+        left_um: Mapping[int, complex],
+        sd_um: Callable[[int], float],
+        allowed_um: Callable[[int], float] = lambda _: 0.0,
+    ) -> Watch:
+        """Return the watch after a pass with `path` that has left these waves, each with its standard deviation.
+
+        `allowed_um` is by how much a wave may grow for reasons that learning does not make.
+        """
+        best, grown = dict(self.best), list(self.grown)
+        for n, coefficient in self.learned(left_um).items():
+            now = _best(path, n, abs(coefficient), math.hypot(sd_um(n), REPEATS_SD_UM))
+            before = best.get(n)
+            if before is None or now.left_um < before.left_um:
+                best[n] = now
+            elif not now.left_um <= before.left_um + allowed_um(n) + SIGNIFICANT * math.hypot(
+                now.sd_um, before.sd_um
+            ):
+                grown.append(Grown(waves=n, best_um=before.left_um, grown_um=now.left_um))
+        return replace(self, best=best, grown=tuple(grown))
+
+    def afresh(self) -> Watch:
+        """Return the watch for passes that are no match for those so far; what has grown stays as it is."""
+        return replace(self, best={n: each for n, each in self.best.items() if n in self.frozen})
+
+    @property
+    def frozen(self) -> frozenset[int]:
+        """The waves that are learned no more."""
+        return frozenset(each.waves for each in self.grown)
+
+    def learned(self, waves: Mapping[int, Value]) -> dict[int, Value]:
+        """Return those of the waves that are learned."""
+        return {n: value for n, value in waves.items() if n not in self.frozen}
+
+    def kept(self, path: CutPath) -> CutPath:
+        """Return a path with each wave that has grown as it was at its best."""
+        back = {n: self.best[n] for n in self.frozen}
+        return CutPath(
+            wanted=path.wanted.plus({n: each.wanted - coefficient_of(path.wanted, n) for n, each in back.items()}),
+            command=path.command.plus(
+                {n: each.command - coefficient_of(path.command, n) for n, each in back.items()}
+            ),
+        )
+
+
+def _best(path: CutPath, waves: int, left_um: float, sd_um: float) -> Best:
+    return Best(
+        left_um=left_um,
+        sd_um=sd_um,
+        wanted=coefficient_of(path.wanted, waves),
+        command=coefficient_of(path.command, waves),
+    )
+
+
+def coefficient_of(path: LobedPath, waves: int) -> complex:
+    """Return the c of Re(c exp(j waves angle)) of a path, in um; 0 where it has no such wave."""
+    return next((wave.coefficient for wave in path.waves if wave.lobes == waves), 0j)

@@ -1,0 +1,276 @@
+"""From a measured part to the compensation of the next: what is learned, and whether the parts get better.
+
+A wave n of the path W and of the part r, with the share s of the path in the cut, should leave (1 - s) W; what is
+off by more than noise alone shows, e = r - (1 - s) W, is wanted deeper: W <- W + gain e. The first part is learned
+in full, because what is wrong there is large. Later each part brings noise of its own (clamping, gauge), and the
+learned path carries the share gain / (2 - gain) of its variance: 0.54 at a gain of 0.7, all of it at 1.
+
+Two parts in a row tell what the tool really makes of the path: T'/T = (r1 - r2) / (W2 - W1). An error shrinks by
+|1 - gain T'/T| with each part; from 1 on it does not. That is judged for every wave that is learned: an axis may
+answer well at the lobe and not at three times its frequency. In front of the first part stands the plain cut of
+the job, where its lobe was measured: W = 0, r = the lobe. Of the other waves of the part before no record is kept,
+but of what it has taught: their e is the step of the path over the gain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from profiles.compensations.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
+from profiles.compensations.learning import SIGNIFICANT, Deviation, convergence, learned_part
+from profiles.compensations.learning_watch import REPEATS_SD_UM, coefficient_of
+from profiles.compensations.part_waves import PartWaves
+from profiles.compensations.path import CutPath, Wave, free_state_lobe, share_of
+from profiles.compensations.uncompensated import Uncompensated, uncompensated
+from profiles.job import Job
+from profiles.lobe.lobe_conditions import found_on_a_part
+from profiles.problem import Problem, ProfileError
+
+FIRST_GAIN, LATER_GAIN = 1.0, 0.7
+"""Of the first part, where what is wrong is large, and of later ones, where a part of it is noise."""
+
+ROUNDING_UM = 1e-6
+"""A step of a path below this is no step but the rounding of its file."""
+
+_NONE = Deviation(coefficients_um={})
+
+
+class Verdict(StrEnum):
+    """Whether the parts get better, as far as two of them can tell."""
+
+    CONVERGES = "converges"
+    UNCLEAR = "unclear"
+    DIVERGES = "diverges"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contraction:
+    """By how much an error shrinks with each part, 95 % sure within `half_width`.
+
+    `arrives` is T'/T: the share of the path's wave that reaches the part, its phase that of so many waves a turn.
+    """
+
+    value: float
+    half_width: float
+    arrives: complex
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether it is below 1, or above."""
+        if self.value - self.half_width >= 1.0:
+            return Verdict.DIVERGES
+        return Verdict.CONVERGES if self.value + self.half_width < 1.0 else Verdict.UNCLEAR
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutWith:
+    """What the part was cut with: the whole path, the share of it, and the version, None the model.
+
+    `parent` is the path that the part before was cut with, from which the version was learned: without it nothing
+    can be told of the convergence of any wave but the lobe.
+    """
+
+    path: CutPath
+    share: float
+    version: LearnedCompensation | None
+    parent: CutPath | None = None
+
+    @property
+    def number(self) -> int:
+        """The number of the version."""
+        return MODEL if self.version is None else self.version.version
+
+    @property
+    def spared_um(self) -> dict[int, complex]:
+        """The waves of the path that the tool was not told to make, which are to be left on the part."""
+        return {wave.lobes: (1.0 - self.share) * wave.coefficient for wave in self.path.wanted.waves}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lesson:
+    """What a part teaches: the version for the next, which waves it changes, and what the next should be like.
+
+    The expected lobe is 95 % sure within the half-width, by the noise of the trace and the scatter of two
+    clampings. `contractions` are those of the waves, by their number in a turn, of which two parts can tell.
+    `reasons` are why it must not be kept, `warnings` do not forbid it.
+    """
+
+    next: LearnedCompensation
+    learned: tuple[int, ...]
+    contractions: Mapping[int, Contraction]
+    expected_lobe_um_pp: float
+    expected_half_width_um_pp: float
+    reasons: tuple[Problem, ...]
+    warnings: tuple[Problem, ...] = ()
+
+    @property
+    def expected_ront_um(self) -> float:
+        """The trace without what was learned."""
+        found = self.next.expected_ront_um
+        assert found is not None
+        return found
+
+    @property
+    def contraction(self) -> Contraction | None:
+        """That of the lobe."""
+        return self.contractions.get(self.next.path.wanted.lobes)
+
+
+def next_version(
+    cut: CutWith,
+    part: PartWaves,
+    holds_for: HoldsFor,
+    job: Job,
+    *,
+    number: int,
+    gain: float | None,
+    orders: Sequence[int],
+    response: Callable[[int], complex],
+    scatter_um: float,
+    date: str,
+) -> Lesson:
+    """Return what a part teaches.
+
+    `number` is that of the version to make, `gain` None the usual one, `orders` the waves that can be commanded.
+    `response` is the nominal one from command to tool, by waves in a turn. `scatter_um` is the standard deviation
+    of the lobe's amplitude from clamping to clamping.
+
+    Raises:
+        ProfileError: `learned.gain`.
+    """
+    used_gain = _gain(gain, cut.version)
+    off = {n: part.coefficients_um[n] - cut.spared_um.get(n, 0j) for n in orders}
+    learned = {n: e for n, e in off.items() if abs(e) > SIGNIFICANT * part.sd_um[n]}
+    path = learned_part(cut.path, Deviation(coefficients_um=learned), _NONE, response, used_gain)
+    read = _read(cut, part, job.jaws)
+    plain = _plain(cut, read, job)
+    contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
+    # The next part is lower by what the tool goes deeper.
+    deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
+    return Lesson(
+        next=LearnedCompensation(
+            holds_for=holds_for,
+            version=number,
+            parent=cut.number,
+            gain=used_gain,
+            path=path,
+            part=read,
+            date=date,
+            expected_ront_um=part.ront_um(deeper),
+        ),
+        learned=tuple(sorted(learned)),
+        contractions=contractions,
+        expected_lobe_um_pp=2.0 * abs(part.coefficients_um[job.jaws] - deeper[job.jaws]),
+        expected_half_width_um_pp=2.0 * SIGNIFICANT * math.hypot(read.lobe_sd_um, scatter_um, scatter_um),
+        reasons=(*part.reasons, *(plain.reasons() or _reasons(contractions, job.jaws, learned, cut.version))),
+        warnings=plain.warnings(),
+    )
+
+
+def _plain(cut: CutWith, read: PartRead, job: Job) -> Uncompensated:
+    """Return the part as it would have been without its compensation."""
+    path_um = cut.path.wanted.waves[0].coefficient
+    return uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
+
+
+def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
+    if gain is None:
+        return FIRST_GAIN if version is None else LATER_GAIN
+    if not 0.0 < gain <= 1.0:
+        raise ProfileError(Problem(code="learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1"))
+    return gain
+
+
+def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
+    wanted = share_of(cut.path, cut.share).wanted.waves[0]
+    return PartRead(
+        version=cut.number,
+        share=cut.share,
+        wanted=wanted,
+        lobe=Wave.of(lobes, part.coefficients_um[lobes]),
+        lobe_sd_um=part.sd_um[lobes],
+        ront_um=part.ront_um(),
+    )
+
+
+def _contractions(
+    cut: CutWith,
+    part: PartWaves,
+    now: PartRead,
+    job: Job,
+    gain: float,
+    scatter_um: float,
+    orders: Sequence[int],
+) -> dict[int, Contraction]:
+    """Return what the part and the one before it tell, by waves in a turn: of the lobe, and of the others."""
+    lobe = _lobe(cut, now, job, gain, scatter_um)
+    found = {} if lobe is None else {job.jaws: lobe}
+    return found | _others(cut, part, orders, gain)
+
+
+def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> Contraction | None:
+    """Return what the part and the one before it tell; None where there was none, or where both had one path."""
+    before = None if cut.version is None else cut.version.part
+    if before is not None:
+        path, lobe, sd_um = before.wanted.coefficient, before.lobe.coefficient, before.lobe_sd_um
+    elif found_on_a_part(job):
+        path, lobe, sd_um = 0j, free_state_lobe(job).waves[0].coefficient, 0.0
+    else:
+        return None
+    changed = now.wanted.coefficient - path
+    if not changed:
+        return None
+    sd_um = math.hypot(sd_um, now.lobe_sd_um, scatter_um, scatter_um)
+    return _contraction(lobe - now.lobe.coefficient, changed, sd_um, gain)
+
+
+def _others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -> dict[int, Contraction]:
+    """Return what the part and the one before it tell of the waves beside the lobe, if the version has them."""
+    version, found = cut.version, {}
+    if version is None or version.part is None or cut.parent is None:
+        return {}
+    before = version.part
+    for n in orders:
+        then, now = coefficient_of(cut.parent.wanted, n), coefficient_of(cut.path.wanted, n)
+        changed = cut.share * now - before.share * then
+        if n == cut.path.wanted.lobes or min(abs(now - then), abs(changed)) < ROUNDING_UM:
+            continue
+        left = (now - then) / version.gain + (1.0 - before.share) * then
+        # A fit over whole turns is as sure of one wave as of another.
+        sd_um = math.hypot(before.lobe_sd_um, part.sd_um[n], REPEATS_SD_UM, REPEATS_SD_UM)
+        found[n] = _contraction(left - part.coefficients_um[n], changed, sd_um, gain)
+    return found
+
+
+def _contraction(less: complex, changed: complex, sd_um: float, gain: float) -> Contraction:
+    """Return what it tells that a part has so much less of a wave by so much of a change of its path, in um."""
+    arrives = less / changed
+    return Contraction(
+        value=convergence(arrives, 1.0 + 0j, gain),
+        half_width=SIGNIFICANT * gain * sd_um / abs(changed),
+        arrives=arrives,
+    )
+
+
+def _reasons(
+    contractions: Mapping[int, Contraction],
+    lobes: int,
+    learned: Mapping[int, complex],
+    version: LearnedCompensation | None,
+) -> tuple[Problem, ...]:
+    back = f"--revert {MODEL if version is None else version.parent}"
+    grows = {
+        n: f"{c.value:.2f} ± {c.half_width:.2f}" for n, c in contractions.items() if c.verdict is Verdict.DIVERGES
+    }
+    if lobes in grows:
+        return (Problem(code="learned.diverges", key=back, value=grows[lobes], limit="< 1"),)
+    if not learned:
+        return (Problem(code="learned.nothing", limit=f"{SIGNIFICANT:g} sd"),)
+    return tuple(
+        Problem(code="learned.wave_diverges", key=back, value=f"{n}/rev: {factor}", limit="< 1")
+        for n, factor in sorted(grows.items())
+        if n in learned
+    )

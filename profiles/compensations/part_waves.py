@@ -1,0 +1,115 @@
+"""The waves of a measured part in the angles of the spindle, where a tool path can use them.
+
+A trace whose angles are t has Re(c exp(j n t)); at spindle angles a = s t + o, with s = -1 where the trace runs
+against the spindle, that is Re(c' exp(j n a)) with c' = c exp(-j n o), or conj(c) exp(-j n o) against it.
+
+Problem codes: those of `profiles.calibration.lobe` but `lobe.not_significant`, `lobe.compensated` and
+`lobe.simulated`; `learned.jaw_assumed`.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.calibration.lobe import INDEX, find_lobe
+from profiles.compensations.learning import SIGNIFICANT
+from profiles.job import Job
+from profiles.metrology.turns import several_turns
+from profiles.problem import Problem
+from profiles.roundness import evaluate
+from profiles.trace_files.header import TraceHeader, header_of
+from profiles.traces import Trace
+
+_OF_A_PLAIN_CUT = ("lobe.not_significant", "lobe.compensated", "lobe.simulated")
+"""Why a part is not one that shows the lobe of its job; it may teach a path all the same."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartWaves:
+    """A part: coefficients in um by waves in a turn, in spindle angle, positive outwards, with standard errors.
+
+    `angle_deg` and `deviation_um` are one turn of the trace, shape (M,), the angles its own; its angle 0 is at the
+    spindle angle `begins_deg`. `mean_um` is the mean of the fit, `filter_upr` the filter of RONt, `radius_mm` the
+    radius of the part. `reasons` are why nothing may be learned from it; `warnings` do not spoil it.
+    """
+
+    mean_um: float
+    coefficients_um: Mapping[int, complex]
+    sd_um: Mapping[int, float]
+    angle_deg: NDArray[np.float64]
+    deviation_um: NDArray[np.float64]
+    against_spindle: bool
+    begins_deg: float
+    filter_upr: float
+    radius_mm: float
+    reasons: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+
+    def ront_um(self, less_um: Mapping[int, complex] | None = None) -> float:
+        """Return RONt of the part, or of one that is lower by Re(c exp(j n angle)) for each n of `less_um`."""
+        spindle_deg = (-1.0 if self.against_spindle else 1.0) * self.angle_deg + self.begins_deg
+        left_um = np.array(self.deviation_um)
+        for n, coefficient in (less_um or {}).items():
+            left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
+        return evaluate(self.angle_deg, left_um, self.filter_upr, radius_mm=self.radius_mm).ront_um
+
+    def significant_um(self) -> dict[int, complex]:
+        """Return the coefficients that stand out of the noise."""
+        return {n: c for n, c in self.coefficients_um.items() if abs(c) > SIGNIFICANT * self.sd_um[n]}
+
+    def turned(self, by_deg: float) -> PartWaves:
+        """Return the part as if it had stood so many degrees of spindle further on, as `LobedPath.turned`."""
+        turn = math.radians(by_deg)
+        turned = {n: c * cmath.exp(-1j * n * turn) for n, c in self.coefficients_um.items()}
+        return replace(self, coefficients_um=turned, begins_deg=self.begins_deg + by_deg)
+
+
+def part_waves(
+    trace: Trace, job: Job, *, filter_upr: float, extra: Iterable[int] = (), robust: bool = False
+) -> PartWaves:
+    """Return the waves of a part of this job; `filter_upr` is the filter of its RONt, `extra` are further waves.
+
+    Raises:
+        ProfileError: what the fit, or the roundness of such a trace, refuses.
+    """
+    found = find_lobe(trace, job, extra=extra, robust=robust)
+    header, _ = header_of(trace.meta)
+    begins_deg = _begins_deg(header, job)
+    reasons = [problem for problem in found.reasons if problem.code not in _OF_A_PLAIN_CUT]
+    if found.phase_assumed:
+        reasons.append(Problem(code="learned.jaw_assumed", key="lobe_phase_deg", limit=f"# start_mark: {INDEX}"))
+    angle_deg, deviation_um = trace.angle_deg, trace.deviation_um
+    if header.turns > 1:
+        turns = several_turns(angle_deg, deviation_um, header.turns)
+        angle_deg, deviation_um = turns.angle_deg, turns.repeatable_um
+    placed: dict[int, complex] = {}
+    for wave in found.fit.waves:
+        own = complex(wave.cos_um, -wave.sin_um)
+        seen = own.conjugate() if header.against_spindle else own
+        placed[wave.n] = seen * cmath.exp(-1j * wave.n * math.radians(begins_deg))
+    return PartWaves(
+        mean_um=found.fit.mean_um,
+        coefficients_um=placed,
+        sd_um={wave.n: wave.sd_um for wave in found.fit.waves},
+        angle_deg=angle_deg,
+        deviation_um=deviation_um,
+        against_spindle=header.against_spindle,
+        begins_deg=begins_deg,
+        filter_upr=filter_upr,
+        radius_mm=header.radius_of(job),
+        reasons=tuple(reasons),
+        warnings=found.warnings,
+    )
+
+
+def _begins_deg(header: TraceHeader, job: Job) -> float:
+    """Return the spindle angle at angle 0 of the trace; 0 where nothing is known of it, which is a reason then."""
+    if header.start_mark == INDEX or header.jaw_1_deg is None:
+        return 0.0
+    return job.jaw_1_deg - (-1.0 if header.against_spindle else 1.0) * header.jaw_1_deg

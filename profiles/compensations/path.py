@@ -1,0 +1,243 @@
+"""From the lobe of a job to the motion of the tool: Eqs 4, 6 to 8, 10 and 11 for any number of jaws.
+
+Angles are spindle angles in degrees. Motion and depth are in um, positive into the workpiece. Deviations of
+the released part are positive where it is high. The rule does not ask where the lobe comes from: the tool
+moves in where the finished part would stand high.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.axis.response import AMPLIFICATION_LIMIT
+from profiles.job import Job
+from profiles.problem import Problem, ProfileError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wave:
+    """amplitude cos(lobes (angle - crest)): `lobes` waves in a turn, a crest at `crest_deg`."""
+
+    lobes: int
+    amplitude_um: float
+    crest_deg: float
+
+    @classmethod
+    def of(cls, lobes: int, coefficient: complex) -> Wave:
+        """Return the wave Re(c exp(j lobes angle)), c in um."""
+        crest_deg = -math.degrees(cmath.phase(coefficient)) / lobes
+        return cls(lobes=lobes, amplitude_um=abs(coefficient), crest_deg=crest_deg)
+
+    @property
+    def coefficient(self) -> complex:
+        """The c of Re(c exp(j lobes angle)), in um."""
+        return self.amplitude_um * cmath.exp(-1j * self.lobes * math.radians(self.crest_deg))
+
+    def at_um(self, angle_deg: ArrayLike) -> NDArray[np.float64]:
+        """Return the values at spindle angles, in the shape of `angle_deg`."""
+        angle = np.asarray(angle_deg, dtype=np.float64)
+        wave = np.cos(self.lobes * np.radians(angle - self.crest_deg))
+        return np.asarray(self.amplitude_um * wave, dtype=np.float64)
+
+    def turned(self, by_deg: float) -> Wave:
+        """Return the wave so many degrees of spindle further on: at angle + by_deg it is what it was at angle."""
+        return replace(self, crest_deg=self.crest_deg + by_deg)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LobedPath:
+    """mean + amplitude cos(lobes (angle - crest)) + overtones, by the angle of the spindle.
+
+    `lobes` waves in a turn with a crest at `crest_deg` are the lobe itself; `overtones` have other numbers. All
+    waves grow by the share `growth_per_mm` with each mm from the middle of the cut towards the jaws.
+    """
+
+    mean_um: float
+    amplitude_um: float
+    lobes: int
+    crest_deg: float
+    overtones: tuple[Wave, ...] = ()
+    growth_per_mm: float = 0.0
+
+    @property
+    def waves(self) -> tuple[Wave, ...]:
+        """The lobe and the overtones."""
+        lobe = Wave(lobes=self.lobes, amplitude_um=self.amplitude_um, crest_deg=self.crest_deg)
+        return (lobe, *self.overtones)
+
+    def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> NDArray[np.float64]:
+        """Return the values at spindle angles, so far past the middle of the cut; in the shape of `angle_deg`."""
+        waves = np.zeros(np.shape(angle_deg), dtype=np.float64)
+        for wave in self.waves:
+            waves += wave.at_um(angle_deg)
+        grown = 1.0 + self.growth_per_mm * np.asarray(past_middle_mm, dtype=np.float64)
+        return np.asarray(self.mean_um + grown * waves, dtype=np.float64)
+
+    def turned(self, by_deg: float) -> LobedPath:
+        """Return the path so many degrees of spindle further on: that of a chuck which is mounted so much further.
+
+        A wave of n in a turn comes later by n times that in its own phase.
+        """
+        overtones = tuple(wave.turned(by_deg) for wave in self.overtones)
+        return replace(self, crest_deg=self.crest_deg + by_deg, overtones=overtones)
+
+    def plus(self, coefficients: Mapping[int, complex], mean_um: float = 0.0) -> LobedPath:
+        """Return this path with Re(c exp(j n angle)) added for each n, and so much to its mean, in um."""
+        sums = {wave.lobes: wave.coefficient for wave in self.waves}
+        for n, coefficient in coefficients.items():
+            sums[n] = sums.get(n, 0j) + coefficient
+        lobe = Wave.of(self.lobes, sums.pop(self.lobes))
+        return LobedPath(
+            mean_um=self.mean_um + mean_um,
+            amplitude_um=lobe.amplitude_um,
+            lobes=self.lobes,
+            crest_deg=lobe.crest_deg if lobe.amplitude_um else self.crest_deg,
+            overtones=tuple(Wave.of(n, sums[n]) for n in sorted(sums)),
+            growth_per_mm=self.growth_per_mm,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutPath:
+    """What a cut does: `wanted` of the tool tip, and `command`, what an axis has to be told for that."""
+
+    wanted: LobedPath
+    command: LobedPath
+
+    def turned(self, by_deg: float) -> CutPath:
+        """Return both so many degrees of spindle further on: an axis answers alike wherever the part stands."""
+        return CutPath(wanted=self.wanted.turned(by_deg), command=self.command.turned(by_deg))
+
+
+def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:
+    """Eq 4: V = 60 f / N, which is 20 f for three jaws."""
+    return 60 * lobe_frequency_hz / jaws
+
+
+def lobe_frequency_hz(spindle_speed_rpm: float, jaws: int) -> float:
+    """Eq 4 the other way round: f = N V / 60."""
+    return jaws * spindle_speed_rpm / 60
+
+
+def removed_depth_um(
+    angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
+) -> NDArray[np.float64]:
+    """Eq 6: A0 + A1 sin(N angle) - B1 cos(N angle), the depth that a plain cut takes; Eq 7 with B1 = 0.
+
+    Eqs 10a and 10b are (100, 27.5) and (60, 16.5): amplitudes, half of the measured 55 and 33 um.
+    """
+    wave = jaws * np.radians(np.asarray(angle_deg, dtype=np.float64))
+    return np.asarray(a0_um + a1_um * np.sin(wave) - b1_um * np.cos(wave), dtype=np.float64)
+
+
+def compensated_depth_um(
+    angle_deg: ArrayLike, *, a0_um: float, a1_um: float, b1_um: float = 0.0, jaws: int = 3
+) -> NDArray[np.float64]:
+    """Eq 8: A0 - A1 sin(N angle) + B1 cos(N angle), the tool path against `removed_depth_um` (Eqs 11)."""
+    return removed_depth_um(angle_deg, a0_um=a0_um, a1_um=-a1_um, b1_um=-b1_um, jaws=jaws)
+
+
+def free_state_lobe(job: Job) -> LobedPath:
+    """Return the deviation of the released part after a plain cut: high at jaw 1, mean 0."""
+    return LobedPath(
+        mean_um=0.0,
+        amplitude_um=job.lobe_amplitude_um,
+        lobes=job.jaws,
+        crest_deg=job.lobe_phase_deg,
+        growth_per_mm=(job.lobe_growth_percent_per_mm or 0.0) / 100.0,
+    )
+
+
+def wanted_path(job: Job) -> LobedPath:
+    """Return the path that the tool tip must really take: the depth of cut plus the free-state lobe."""
+    return replace(free_state_lobe(job), mean_um=1000 * job.depth_of_cut_mm)
+
+
+def invert(wanted: LobedPath, response: complex | Callable[[int], complex]) -> LobedPath:
+    """Return the command that makes an axis of this response follow `wanted`.
+
+    `response` is T(j w) from command to position: at the lobe frequency for a path without overtones, else a
+    function of the waves in a turn. The amplitude is divided by |T|, the crest comes earlier by -arg T of the
+    wave, an nth of that in spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError`
+    (`response.too_small`) where the command would be more than `AMPLIFICATION_LIMIT` times the motion.
+    """
+    lobe, *overtones = (_inverted(wave, response) for wave in wanted.waves)
+    return replace(wanted, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
+
+
+def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
+    here = response(wave.lobes) if callable(response) else response
+    gain = abs(here)
+    if not math.isfinite(gain) or gain * AMPLIFICATION_LIMIT < 1.0:
+        limit = f">= {1.0 / AMPLIFICATION_LIMIT:g}"
+        raise ProfileError(Problem(code="response.too_small", value=f"{gain:.3g}", limit=limit))
+    crest_deg = wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes
+    return replace(wave, amplitude_um=wave.amplitude_um / gain, crest_deg=crest_deg)
+
+
+def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
+    """Return E |1 - c|: what is left of the lobe E when the tool makes c times the wanted motion."""
+    return error_um_pp * abs(1 - compensation)
+
+
+def misalignment(angle_deg: float, jaws: int) -> complex:
+    """Return the compensation c of a path that lags by `angle_deg` of spindle: exp(-j N angle)."""
+    return cmath.exp(-1j * jaws * math.radians(angle_deg))
+
+
+def delayed(response: complex, frequency_hz: float, delay_s: float) -> complex:
+    """Return the response of an axis whose command comes late by a constant time."""
+    return response * cmath.exp(-2j * math.pi * frequency_hz * delay_s)
+
+
+def chord_scale(points: float) -> float:
+    """Return by how much the points of a sine are raised so that straight lines between them keep its amplitude.
+
+    With so many equally spaced `points` in a wave the lines have a fundamental of (sin x / x)^2, x = pi / points.
+    """
+    x = math.pi / points
+    return (x / math.sin(x)) ** 2
+
+
+def chord_error(points: float) -> float:
+    """Return the largest distance of those lines from the sine, as a share of its amplitude.
+
+    It is at the points, which are too high, or between them, where the lines are too low.
+    """
+    scale = chord_scale(points)
+    return max(scale - 1.0, 1.0 - scale * math.cos(math.pi / points))
+
+
+PARTIAL_SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected:
+    """What is left of the lobe, um p-p: with sign and angle as meant, and with the sign (or half a lobe) wrong."""
+
+    right_um_pp: float
+    wrong_um_pp: float
+
+
+def share_of(path: CutPath, share: float) -> CutPath:
+    """Return a path with this share of its waves, at the same mean; axes answer in proportion."""
+    return CutPath(wanted=_shared(path.wanted, share), command=_shared(path.command, share))
+
+
+def expected(lobe_um_pp: float, share: float) -> Expected:
+    """Return what a share of the compensation leaves of a lobe of `lobe_um_pp`."""
+    return Expected(
+        right_um_pp=residual_um_pp(lobe_um_pp, share),
+        wrong_um_pp=residual_um_pp(lobe_um_pp, -share),
+    )
+
+
+def _shared(path: LobedPath, share: float) -> LobedPath:
+    overtones = tuple(replace(wave, amplitude_um=share * wave.amplitude_um) for wave in path.overtones)
+    return replace(path, amplitude_um=share * path.amplitude_um, overtones=overtones)

@@ -1,0 +1,75 @@
+"""How far a path that was learned may be from what its job wants: a file must not command anything else.
+
+What is learned corrects a path; it never becomes another one. Whatever is beyond these bounds is no correction of
+this cut, but a fault of the trace, of the file, or of the set-up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from profiles.compensations.path import CutPath, LobedPath
+from profiles.problem import Problem
+
+MOST_MEAN_UM = 60.0
+"""By how much the mean may be off: a soft servo under a fine cut is held back by some tens of um."""
+
+MOST_SHARE, MOST_WAVE_UM = 0.6, 10.0
+"""By how much the lobe may be off, a share of itself and so many um; a command also by what friction may hold."""
+
+MOST_WAVES = 50
+"""Of an overtone, in a turn."""
+
+
+def path_problems(
+    path: CutPath,
+    job_wants: LobedPath,
+    response: Callable[[int], complex],
+    friction_um: Callable[[int], float] = lambda _: 0.0,
+) -> tuple[Problem, ...]:
+    """Return why a path is none of a cut that wants `job_wants`: codes `path.*`.
+
+    `response` is the nominal one from command to tool, by the waves in a turn; `friction_um` by how much dry
+    friction may hold the tool back at them, an amplitude of its motion, which its command has to make up for.
+    """
+    shapes = (*_shape(path.wanted, job_wants), *_shape(path.command, job_wants))
+    if shapes:
+        return shapes
+    wanted, command, lobe = path.wanted.waves[0], path.command.waves[0], job_wants.waves[0]
+    most_um = MOST_SHARE * lobe.amplitude_um + MOST_WAVE_UM
+    off_and_most_um = {
+        "wanted": (abs(wanted.coefficient - lobe.coefficient), most_um),
+        "command": (
+            abs(response(lobe.lobes) * command.coefficient - wanted.coefficient),
+            most_um + friction_um(lobe.lobes),
+        ),
+        "wanted mean": (abs(path.wanted.mean_um - job_wants.mean_um), MOST_MEAN_UM),
+        "command mean": (abs(path.command.mean_um - path.wanted.mean_um), MOST_MEAN_UM),
+    }
+    for wave in path.wanted.overtones:
+        off_and_most_um[f"{wave.lobes}/rev wanted"] = (wave.amplitude_um, MOST_WAVE_UM)
+    for wave in path.command.overtones:
+        told_um = abs(response(wave.lobes)) * wave.amplitude_um
+        off_and_most_um[f"{wave.lobes}/rev command"] = (told_um, MOST_WAVE_UM + friction_um(wave.lobes))
+    return tuple(
+        Problem(code="path.beyond", key=key, value=f"{off_um:.1f} um", limit=f"<= {limit_um:.1f} um")
+        for key, (off_um, limit_um) in off_and_most_um.items()
+        if not off_um <= limit_um
+    )
+
+
+def _shape(path: LobedPath, job_wants: LobedPath) -> tuple[Problem, ...]:
+    numbers = [wave.lobes for wave in path.waves]
+    if path.lobes != job_wants.lobes or len(set(numbers)) != len(numbers):
+        value, limit = ", ".join(map(str, numbers)), f"{job_wants.lobes}, and others once each"
+        return (Problem(code="path.waves", key="lobes", value=value, limit=limit),)
+    if not all(1 <= number <= MOST_WAVES for number in numbers):
+        return (
+            Problem(
+                code="path.waves", key="lobes", value=", ".join(map(str, numbers)), limit=f"1 to {MOST_WAVES}"
+            ),
+        )
+    if path.growth_per_mm != job_wants.growth_per_mm:
+        value, limit = f"{100 * path.growth_per_mm:g} %/mm", f"{100 * job_wants.growth_per_mm:g} %/mm"
+        return (Problem(code="path.waves", key="growth", value=value, limit=limit),)
+    return ()

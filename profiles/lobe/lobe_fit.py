@@ -1,0 +1,322 @@
+"""The lobe of a part from its trace: amplitude, crest and how sure they are.
+
+Model of M deviations r_i (um, positive outwards) at spindle angles theta_i, with the waves n of eccentricity,
+ovality and the jaws, n in {1, 2, N, 2N, 3N} and any that are declared:
+
+    r_i = c + sum_n (p_n cos n theta_i + q_n sin n theta_i) + noise,    p cos + q sin = A cos(n (theta - crest))
+
+Weighted least squares with W = diag(1 / sigma_i^2), after C. F. Gauss:
+
+    beta = (X' W X)^-1 X' W r,    cov = s^2 (X' W X)^-1,    s^2 = sum W e^2 / (M - k)
+
+    A = hypot(p, q),           sd(A) = sqrt(J C J'),              J = (p, q) / A
+    crest = atan2(q, p) / n,   sd(crest) = sqrt(K C K') / n,      K = (-q, p) / A^2
+
+so that white noise at equal angles gives sd(A) = sigma sqrt(2 / M). What a fit leaves of a real part is not white:
+its form falls with the order, and a wave has more of it than the average order. For each wave s^2 is therefore
+that of its order, see `profiles.metrology.noise_spectrum`, where what is left is not as likely white. Real traces
+repeat from turn to turn, so that with several turns each is fitted for itself, too, and the larger of the two
+standard errors is reported: by the residuals (M - k degrees of freedom, fewer where s^2 is that of an order), by
+the T turns (T - 1).
+
+A wave is significant where A exceeds its sd by sqrt(2 F) with F the 95 % point of Fisher's F of 2 and as many
+degrees of freedom (2.45 for many), and 1e-6 um, below which there is only rounding. Small amplitudes come out too
+large: E[A^2] = A0^2 + 2 sd^2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.confidence import CONFIDENCE, student
+from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
+from profiles.problem import Problem, ProfileError
+
+HIGHEST_ORDER = 500
+"""Undulations a turn above which no wave is declared."""
+
+_WORST_CONDITION = 100.0
+"""Above this ratio of singular values the waves can be traded for each other at these angles."""
+
+_HIGHEST_LEFT = 50
+_GAP_TOLERANCE_DEG = 1e-6
+_HUBER = 1.345
+"""Residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise."""
+_HUBER_ROUNDS = 50
+_STRAY = 4.0
+"""Residuals in robust standard deviations from which a point is a chip or a scratch: one in 16 000 by chance."""
+_ROUNDING = 1e-12
+_LEAST_UM = 1e-6
+"""A wave up to this is none, however regular a trace without noise is."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wave:
+    """amplitude cos(n (angle - crest)): one wave of a trace; crest in [0, 360/n) deg of the angle of the trace.
+
+    `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and crest, `ci_um`
+    and `ci_deg` half-widths for 95 % by Student's t. No crest is less certain than any angle at all: that
+    caps `sd_deg` at 360 / (n sqrt 12), the sd of a crest of which nothing is known, and `ci_deg` at 180 / n.
+    """
+
+    n: int
+    cos_um: float
+    sin_um: float
+    amplitude_um: float
+    crest_deg: float
+    sd_um: float
+    sd_deg: float
+    ci_um: float
+    ci_deg: float
+    significant: bool
+
+    @property
+    def bias_um(self) -> float:
+        """By how much noise alone makes the amplitude too large: A - sqrt(A^2 - 2 sd^2), at most all of it."""
+        return self.amplitude_um - math.sqrt(max(self.amplitude_um**2 - 2 * self.sd_um**2, 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LobeFit:
+    """The waves of a trace, by order. `noise_um` is the standard deviation of what they leave.
+
+    `points` were fitted, over `turns` turns (1: only the residuals speak for the confidence); `left_out` were
+    taken for chips and scratches. `left_n` is the order of the wave that stands most out of what is left, of those
+    that were not fitted, and `left_um` its amplitude; `floor_um` is the amplitude that noise like the rest shows
+    at that order once in twenty traces: well above it the wave should have been declared.
+    """
+
+    jaws: int
+    waves: tuple[Wave, ...]
+    mean_um: float
+    noise_um: float
+    points: int
+    left_out: int
+    turns: int
+    left_n: int
+    left_um: float
+    floor_um: float
+
+    @property
+    def lobe(self) -> Wave:
+        """The wave of as many crests as there are jaws."""
+        return self.wave(self.jaws)
+
+    @property
+    def error_um_pp(self) -> float:
+        """Peak to peak of the lobe alone: twice its amplitude, the 55 um of Fig 14 of Lee & Lee (2001)."""
+        return 2 * self.lobe.amplitude_um
+
+    def wave(self, n: int) -> Wave:
+        """Return the wave of order n, which must have been fitted."""
+        return next(wave for wave in self.waves if wave.n == n)
+
+
+def fit_lobe(
+    angle_deg: ArrayLike,
+    deviation_um: ArrayLike,
+    jaws: int,
+    *,
+    sigma_um: ArrayLike | None = None,
+    extra: Iterable[int] = (),
+    robust: bool = False,
+) -> LobeFit:
+    """Return the lobe in a trace of M points with its confidence.
+
+    Args:
+        angle_deg: shape (M,), in any order, unequal if need be; angles that go on over 360 are further turns.
+        deviation_um: shape (M,), positive outwards, from any nominal radius.
+        jaws: N, the lobes a turn.
+        sigma_um: standard deviation of each point, shape (M,) or one for all. Only their ratios count: how large
+            the noise is, the residuals say.
+        extra: orders of waves that are in the trace besides {1, 2, N, 2N, 3N}.
+        robust: find chips and scratches by a fit with Huber's weights, and leave them out of the last one.
+
+    Raises:
+        ProfileError: `trace.columns`, `trace.not_finite`, `trace.few_points`, `trace.narrow_angles`;
+            `lobe_fit.sigma`, one that is not above 0; `lobe_fit.order`, a wave that cannot be declared;
+            `lobe_fit.dependent`, angles that do not tell the waves apart.
+    """
+    orders = _orders(jaws, extra)
+    angle, deviation, root_weight = _checked(angle_deg, deviation_um, sigma_um)
+    _refuse_thin(angle, jaws, orders)
+    design = _design(angle, orders)
+    kept = np.ones(angle.size, dtype=bool)
+    if robust:
+        kept = _without_strays(design, deviation, root_weight)
+        _refuse_thin(angle[kept], jaws, orders)
+    angle, deviation, design, root_weight = angle[kept], deviation[kept], design[kept], root_weight[kept]
+    beta, spread = _solved(design, deviation, root_weight, orders)
+    left = root_weight * (deviation - design @ beta)
+    noise = noise_spectrum(angle, left, orders, beta.size)
+    of_turns = _turns(angle, deviation, design, root_weight)
+    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
+    covariances = {
+        n: [(variance * spread, freedom), *by_turns] for n in orders for variance, freedom in [noise.at(n)]
+    }
+    left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
+    return LobeFit(
+        jaws=jaws,
+        waves=tuple(_wave(n, place, beta, covariances[n]) for place, n in enumerate(orders)),
+        mean_um=float(beta[0]),
+        noise_um=math.sqrt(noise.level),
+        points=deviation.size,
+        left_out=kept.size - deviation.size,
+        turns=max(len(of_turns), 1),
+        left_n=left_n,
+        left_um=left_um,
+        floor_um=floor_um,
+    )
+
+
+def _orders(jaws: int, extra: Iterable[int]) -> tuple[int, ...]:
+    if jaws < 2:
+        raise ProfileError(Problem(code="lobe_fit.order", key="jaws", value=str(jaws), limit=">= 2"))
+    declared = tuple(extra)
+    for n in declared:
+        if not 1 <= n <= HIGHEST_ORDER:
+            limit = f"1 … {HIGHEST_ORDER}"
+            raise ProfileError(Problem(code="lobe_fit.order", key="extra", value=str(n), limit=limit))
+    return tuple(sorted({1, 2, jaws, 2 * jaws, 3 * jaws, *declared}))
+
+
+def _checked(
+    angle_deg: ArrayLike, deviation_um: ArrayLike, sigma_um: ArrayLike | None
+) -> tuple[Floats, Floats, Floats]:
+    """Return angles, deviations and the square roots of the weights, whose squares have the mean 1."""
+    angle = np.asarray(angle_deg, dtype=np.float64)
+    deviation = np.asarray(deviation_um, dtype=np.float64)
+    sigma = np.asarray(1.0 if sigma_um is None else sigma_um, dtype=np.float64)
+    if angle.ndim != 1 or angle.shape != deviation.shape or sigma.shape not in ((), angle.shape):
+        value = f"{angle.shape} {deviation.shape} {sigma.shape}"
+        raise ProfileError(Problem(code="trace.columns", value=value, limit="(M,) (M,)"))
+    for key, column in (("angle_deg", angle), ("deviation_um", deviation), ("sigma_um", sigma)):
+        if not np.isfinite(column).all():
+            value = str(column[~np.isfinite(column)].flat[0])
+            raise ProfileError(Problem(code="trace.not_finite", key=key, value=value))
+    if (sigma <= 0).any():
+        raise ProfileError(Problem(code="lobe_fit.sigma", value=f"{sigma.min():g} um", limit="> 0 um"))
+    weight = np.broadcast_to(1 / sigma**2, angle.shape)
+    return angle, deviation, np.sqrt(weight / weight.mean()) if angle.size else weight
+
+
+def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
+    """Refuse too few directions for the highest wave, and a gap in which a whole flank of a lobe can hide."""
+    places = np.unique(np.round(angle % 360.0, 6) % 360.0)
+    needed = 2 * max(orders) + 1
+    if places.size < needed:
+        raise ProfileError(Problem(code="trace.few_points", value=str(places.size), limit=f">= {needed}"))
+    gap_deg = float(np.diff(places, append=places[0] + 360.0).max())
+    most_deg = 180.0 / jaws
+    if gap_deg > most_deg + _GAP_TOLERANCE_DEG:
+        raise ProfileError(
+            Problem(
+                code="trace.narrow_angles", key="angle_deg", value=f"{gap_deg:g} deg", limit=f"{most_deg:g} deg"
+            )
+        )
+
+
+def _design(angle: Floats, orders: tuple[int, ...]) -> Floats:
+    """Return the columns 1, cos n theta, sin n theta, ...; shape (M, 1 + 2 orders)."""
+    theta = np.radians(angle)
+    columns = [np.ones_like(theta)]
+    for n in orders:
+        columns += [np.cos(n * theta), np.sin(n * theta)]
+    return np.stack(columns, axis=1)
+
+
+def _solved(
+    design: Floats, deviation: Floats, root_weight: Floats, orders: tuple[int, ...]
+) -> tuple[Floats, Floats]:
+    """Return beta and (X' W X)^-1; shapes (k,) and (k, k)."""
+    left, sizes, right = np.linalg.svd(design * root_weight[:, None], full_matrices=False)
+    if sizes[-1] * _WORST_CONDITION < sizes[0]:
+        value = ", ".join(str(n) for n in orders)
+        raise ProfileError(Problem(code="lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}"))
+    beta = right.T @ ((left.T @ (deviation * root_weight)) / sizes)
+    return beta, right.T @ (right / sizes[:, None] ** 2)
+
+
+def _without_strays(design: Floats, deviation: Floats, root_weight: Floats) -> NDArray[np.bool_]:
+    """Return which points are the part: the others stand off a fit with Huber's weights."""
+    least = _ROUNDING * float(np.abs(deviation).max())
+    huber = np.ones_like(root_weight)
+    for _ in range(_HUBER_ROUNDS):
+        root = root_weight * np.sqrt(huber)
+        beta = np.linalg.lstsq(design * root[:, None], deviation * root, rcond=None)[0]
+        size = np.abs(deviation - design @ beta) * root_weight
+        scale = 1.4826 * float(np.median(size)) + least
+        before, huber = huber, _HUBER * scale / np.maximum(size, _HUBER * scale) if scale else huber
+        if np.abs(huber - before).max() < 1e-6:
+            break
+    return np.asarray(size <= _STRAY * scale)
+
+
+def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats) -> list[Floats]:
+    """Return the coefficients of each turn that can be fitted for itself; a last piece of one cannot."""
+    turn = np.floor((angle - angle.min()) / 360.0 + _GAP_TOLERANCE_DEG / 360.0)
+    found = []
+    for number in np.unique(turn):
+        own = turn == number
+        rows = design[own] * root_weight[own, None]
+        if own.sum() > design.shape[1] and np.linalg.cond(rows) <= _WORST_CONDITION:
+            found.append(np.linalg.lstsq(rows, deviation[own] * root_weight[own], rcond=None)[0])
+    return found
+
+
+def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> Wave:
+    """Return one wave; its standard errors are the larger ones by any of the covariances (with their freedom)."""
+    both = slice(1 + 2 * place, 3 + 2 * place)
+    p, q = (float(part) for part in beta[both])
+    amplitude = math.hypot(p, q)
+    along = np.array([p, q]) / amplitude if amplitude else np.array([1.0, 0.0])
+    across = np.array([-along[1], along[0]])
+    radial = max((_sd(along, c[both, both]), freedom) for c, freedom in covariances)
+    tangential = max((_sd(across, c[both, both]), freedom) for c, freedom in covariances)
+    unknown_deg = 360.0 / n / math.sqrt(12.0)
+    to_deg = math.degrees(1.0 / (n * amplitude)) if amplitude else math.inf
+    return Wave(
+        n=n,
+        cos_um=p,
+        sin_um=q,
+        amplitude_um=amplitude,
+        crest_deg=math.degrees(math.atan2(q, p)) / n % (360.0 / n),
+        sd_um=radial[0],
+        sd_deg=min(tangential[0] * to_deg, unknown_deg) if amplitude else unknown_deg,
+        ci_um=student(radial[1]) * radial[0],
+        ci_deg=min(student(tangential[1]) * tangential[0] * to_deg, 180.0 / n) if amplitude else 180.0 / n,
+        significant=amplitude > max(_significant_at(radial[1]) * radial[0], _LEAST_UM),
+    )
+
+
+def _sd(direction: Floats, covariance: Floats) -> float:
+    return math.sqrt(max(float(direction @ covariance @ direction), 0.0))
+
+
+def _significant_at(freedom: float) -> float:
+    """Return sqrt(2 F), F the 95 % point of Fisher's F of 2 and `freedom` degrees of freedom; in closed form."""
+    chance = 1.0 - CONFIDENCE
+    if math.isinf(freedom):
+        return math.sqrt(-2.0 * math.log(chance))
+    return math.sqrt(freedom * math.expm1(-2.0 / freedom * math.log(chance)))
+
+
+def _most_left(noise: NoiseSpectrum, orders: tuple[int, ...], root_weight: Floats) -> tuple[int, float, float]:
+    """Return order, amplitude and floor of the wave that stands most out of what is left; 0 where none can be."""
+    found = [(0, 0.0, _floor_um(noise.level, root_weight.size))]
+    for n, power in enumerate(noise.powers[:_HIGHEST_LEFT], start=1):
+        if n not in orders:
+            size_um = 2.0 * math.sqrt(float(power) * root_weight.size) / float(root_weight.sum())
+            found.append((n, size_um, _floor_um(noise.at(n)[0], root_weight.size)))
+    return max(found, key=lambda each: each[1] / each[2] if each[2] else 0.0)
+
+
+def _floor_um(variance: float, points: int) -> float:
+    return _significant_at(math.inf) * math.sqrt(2.0 * variance / points)

@@ -1,0 +1,70 @@
+"""How the lobe that was found on a part compares with that of the model, for the cut in which it was found.
+
+The model knows the shape of a lobe over angle and length well, and its size badly: that hangs on a chucking force
+which hardly anybody has measured. So where a part of the job was measured, what is predicted of it is the shape of
+the model, made as high as the lobe that was found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from profiles.chucking.held_part import HeldPart
+from profiles.chucking.tube import axial_share
+from profiles.job import Job
+from profiles.lobe.held_job import held_part
+from profiles.lobe.lobe_conditions import as_found, found_on_a_part
+from profiles.machine import MachineProfile
+
+LEAST_SEEN_UM = 0.01
+"""Peak to peak below which nobody can see a lobe: a tenth of what a good roundness gauge resolves."""
+
+LEAST_AXIAL_SHARE = 0.05
+"""Share of its height at the jaws that a lobe must have to be scaled: where its sign changes any height fits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LobeScale:
+    """The lobe that was found, um p-p, `z_mm` in front of the jaws, and what the model says of it there.
+
+    `source` is how it was found: "measured" or "fitted".
+    """
+
+    source: str
+    found_um_pp: float
+    z_mm: float
+    model_um_pp: float
+
+    @property
+    def factor(self) -> float:
+        """How many times the model's the lobe is that was found."""
+        return self.found_um_pp / self.model_um_pp
+
+
+def lobe_scale(job: Job, machine: MachineProfile) -> LobeScale | None:
+    """Return the scale; None where no part was measured, or where the model has no lobe to be compared.
+
+    Raises:
+        ProfileError: `rule.material_unknown`.
+    """
+    if not found_on_a_part(job):
+        return None
+    part = held_part(as_found(job), machine)
+    z_mm = middle_mm(part.job)
+    if part.per_jaw_n <= 0 or z_mm < 0 or not _has_a_lobe(part, z_mm):
+        return None
+    model_um_pp = part.error_um_pp(z_mm)
+    if model_um_pp < LEAST_SEEN_UM:
+        return None
+    return LobeScale(
+        source=job.lobe_error_source, found_um_pp=job.lobe_error_um_pp, z_mm=z_mm, model_um_pp=model_um_pp
+    )
+
+
+def middle_mm(job: Job) -> float:
+    """Return the middle of the cut, in mm from the jaw faces."""
+    return job.overhang_mm - job.cut_length_mm / 2
+
+
+def _has_a_lobe(part: HeldPart, z_mm: float) -> bool:
+    return not part.thin or abs(float(axial_share(part.tube, part.job.jaws, z_mm))) >= LEAST_AXIAL_SHARE

@@ -1,0 +1,158 @@
+"""What a plain cut of a job will leave: the error over angle and length, where it comes from, and what to mind.
+
+Where the job's lobe was found on a part, the shape is that of the model, and its height and place are those of the
+lobe that was found; what the model says alone stands beside it.
+
+Angles are spindle angles in degrees; `z_mm` is from the jaw faces, positive towards the free end. Deviations of
+the released part are in um, positive where it is high.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from profiles.axis.envelope import Envelope, envelope
+from profiles.chucking.advice import ClampingAdvice, clamping_advice
+from profiles.chucking.diagnosis import Mechanism
+from profiles.chucking.job_grip import centrifugal_loss_n
+from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
+from profiles.job import Job
+from profiles.lobe.cut_error import CutError, cut_error, scaled_cut
+from profiles.lobe.held_job import held_part
+from profiles.lobe.lobe_conditions import found_on_a_part
+from profiles.lobe.lobe_scale import LobeScale, lobe_scale
+from profiles.lobe.one_pass import lobe_change_um
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
+from profiles.rules import IMPOSSIBLE, Finding, Severity, check, refusals
+
+FloatArray = NDArray[np.float64]
+
+Z_PLACES, ANGLES, STOCK_STEPS = 7, 360, 6
+
+_OF_PREDICTION = (
+    "rule.force_over_chuck",
+    "rule.grip_margin",
+    "rule.grip_need",
+    "rule.grip_loss",
+    "rule.material_unknown",
+    "rule.clamp_stress",
+    "rule.clamp_scatter",
+    "rule.clamp_span",
+    "rule.chatter_width",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction:
+    """The prediction of one job on one machine; the arrays are read only.
+
+    `error_um` has shape (Z, angle) and a mean of 0 over each turn; `parts_um` has the same for each mechanism in
+    it. `size_um` (Z,) is by how much the radius comes out too large because the part gives way. `cut` is the error
+    in its middle, `stock_um_pp` the same when `stock_mm` has come off the radius, at the same force. All of these,
+    and the lobed blank of `process`, are scaled to `scaled_to`, the lobe that was found; None where none was, or
+    where the model has no such lobe there. `model` is `cut` as the model alone has it, `model_um_pp` (Z,) its peak
+    to peak of `error_um`. `assumed` names the keys of the machine that nobody gave.
+    """
+
+    angle_deg: FloatArray
+    z_mm: FloatArray
+    error_um: FloatArray
+    parts_um: dict[Mechanism, FloatArray]
+    model_um_pp: FloatArray
+    size_um: FloatArray
+    cut: CutError
+    model: CutError
+    scaled_to: LobeScale | None
+    stock_mm: FloatArray
+    stock_um_pp: FloatArray
+    process: CuttingProcess
+    advice: ClampingAdvice
+    envelope: Envelope
+    assumed: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def error_um_pp(self) -> FloatArray:
+        """Peak-to-peak error at each Z, shape (Z,)."""
+        return np.asarray(np.ptp(self.error_um, axis=1), dtype=np.float64)
+
+
+def predict(
+    job: Job, machine: MachineProfile, *, angle_deg: ArrayLike | None = None, z_mm: ArrayLike | None = None
+) -> Prediction:
+    """Return the prediction, for a turn in whole degrees and from the jaws to the free end if not told otherwise.
+
+    Raises:
+        ProfileError: a material without numbers (`rule.material_unknown`), a Z that is not in front of the jaws
+            (`value.out_of_range`), or a part that cannot be held or cut at all, with the rules that say so.
+    """
+    of_rules = check(job, machine)
+    broken = [f.problem for f in refusals(of_rules) if f.problem.code in IMPOSSIBLE]
+    if broken:
+        raise ProfileError(*broken)
+    part, loss_n, scale = held_part(job, machine), centrifugal_loss_n(job, machine), lobe_scale(job, machine)
+    factor = 1.0 if scale is None else scale.factor
+    z = _places(job, z_mm)
+    angle = _kept(np.arange(ANGLES) * (360 / ANGLES) if angle_deg is None else np.atleast_1d(angle_deg))
+    stock_mm = np.linspace(0.0, job.depth_of_cut_mm, STOCK_STEPS)
+    stock = [cut_error(part.turned_down(float(depth)), loss_n) for depth in stock_mm]
+    from_jaw_deg = angle - job.jaw_1_deg - (0.0 if scale is None else _turned_deg(job, stock[0]))
+    bare = part.error_parts_um(from_jaw_deg, z)
+    parts = {name: _kept(factor * each) for name, each in bare.items()}
+    cut = stock[0] if scale is None else scaled_cut(stock[0], factor, job.lobe_phase_deg)
+    lobed_um_pp = job.lobe_error_um_pp if scale is None and found_on_a_part(job) else cut.um_pp
+    of_prediction = (f for f in of_rules if f.problem.code in _OF_PREDICTION)
+    return Prediction(
+        angle_deg=angle,
+        z_mm=z,
+        error_um=_kept(np.sum(list(parts.values()), axis=0)),
+        parts_um=parts,
+        model_um_pp=_kept(np.ptp(np.sum(list(bare.values()), axis=0), axis=1)),
+        size_um=_kept(part.size_um(z)),
+        cut=cut,
+        model=stock[0],
+        scaled_to=scale,
+        stock_mm=_kept(stock_mm),
+        stock_um_pp=_kept([factor * each.um_pp for each in stock]),
+        process=cutting_process(part, machine, lobed_um_pp),
+        advice=clamping_advice(job, machine),
+        envelope=envelope(job, machine),
+        assumed=part.holding.assumed,
+        findings=(*of_prediction, *_second_pass(job, machine), *process_findings(part, machine)),
+    )
+
+
+def _second_pass(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
+    """Whether a second pass may follow with the same compensation; nothing where no lobe can be judged."""
+    change_um, most_um = lobe_change_um(job, machine), job.roundness_tolerance_um
+    if change_um is None:
+        return ()
+    value, limit = f"{change_um:+.3g} um", f"± {most_um:.6g} um"
+    problem = Problem(code="rule.second_pass", key="depth_of_cut_mm", value=value, limit=limit)
+    severity = Severity.OK if abs(change_um) <= most_um else Severity.WARNING
+    return (Finding(severity=severity, problem=problem),)
+
+
+def _turned_deg(job: Job, model: CutError) -> float:
+    """Return how far the crest that was found stands past that of the model."""
+    return 0.0 if model.crest_deg is None else round(job.lobe_phase_deg - model.crest_deg, 6)
+
+
+def _places(job: Job, z_mm: ArrayLike | None) -> FloatArray:
+    if z_mm is None:
+        return _kept(np.linspace(0.0, job.overhang_mm, Z_PLACES))
+    z = _kept(np.atleast_1d(np.asarray(z_mm, dtype=np.float64)))
+    for each in z[~((z >= 0) & (z <= job.overhang_mm))][:1]:
+        limit = f">= 0, <= {job.overhang_mm:.6g} mm"
+        raise ProfileError(Problem(code="value.out_of_range", key="z_mm", value=f"{each:.6g} mm", limit=limit))
+    return z
+
+
+def _kept(values: ArrayLike) -> FloatArray:
+    copied = np.array(values, dtype=np.float64)
+    copied.setflags(write=False)
+    return copied
