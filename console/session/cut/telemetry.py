@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
+from profiles.least_squares import fit, harmonic_columns
 from profiles.machine import MachineProfile
 
 
@@ -66,9 +67,10 @@ class Telemetry:
         infeed_um = (tool - self._plan.setup.surface) * count_um
         error_um = infeed_um - self._plan.wanted.at_um(360.0 * turns, past_mm)
         following_um = following * count_um
+        _, turns_per_s = fit(harmonic_columns(at_s, (), at_s - at_s[0]), turns).coefficients
         return CutFigures(
             # The slope through all looks: the times of single ones are known to some milliseconds only.
-            spindle_speed_rpm=float(60.0 * np.polyfit(at_s - at_s[0], turns, 1)[0]),
+            spindle_speed_rpm=60.0 * float(turns_per_s),
             tool_error_um=float(np.abs(error_um).max()),
             tool_error_rms_um=float(np.sqrt(np.mean(error_um**2))),
             following_error_um=float(np.abs(following_um).max()),
