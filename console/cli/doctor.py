@@ -16,7 +16,7 @@ from console.cli.stopping import Stopping
 from console.session.data.stop_records import load, store, withdraw
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
-from drivers.commissioning.check import Check, Group, Outcome, worst
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.bench import names_of, unproven
 from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import VALID_DAYS, StopsNow, record_problems
@@ -26,6 +26,7 @@ from drivers.lathe.ownership import Ownership
 from drivers.lathe.standing import Standing
 from drivers.link.base import StopWay
 from drivers.pmac.checksums import LineCheck
+from profiles.findings import Severity, worst
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
@@ -45,8 +46,8 @@ def _connection_checks(stop_way: StopWay) -> list[Check]:
     """Return whether stops have the connection that was asked for; nothing where none was."""
     if stop_way is StopWay.DIRECT:
         return []
-    outcome = Outcome.HOLDS if stop_way is StopWay.RESERVED else Outcome.FAILS
-    return [Check(group=Group.STOPS, code="stop_connection", outcome=outcome)]
+    severity = Severity.OK if stop_way is StopWay.RESERVED else Severity.REFUSAL
+    return [Check(group=Group.STOPS, code="stop_connection", severity=severity)]
 
 
 def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
@@ -62,7 +63,7 @@ def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
         Check(
             group=Group.STOPS,
             code="stop_record",
-            outcome=Outcome.HOLDS,
+            severity=Severity.OK,
             found=record.measured_at.isoformat(),
             wanted=until.isoformat(),
             facts={"address": record.address},
@@ -79,7 +80,7 @@ def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> N
     """
     if card.simulated:
         return
-    failed = any(check.outcome is Outcome.FAILS and check.code.startswith(STOPS) for check in proven.checks)
+    failed = any(check.severity is Severity.REFUSAL and check.code.startswith(STOPS) for check in proven.checks)
     if failed or card.stop.way is StopWay.LOST:
         withdraw(data_of(options), card.machine)
         return
@@ -115,7 +116,7 @@ def _warned(problem: Problem) -> Check:
     return Check(
         group=Group.STOPS,
         code=code,
-        outcome=Outcome.WARNED,
+        severity=Severity.WARNING,
         found=problem.value,
         wanted=problem.limit,
         facts={"machine": problem.key},
@@ -140,14 +141,14 @@ def main(options: Namespace, text: Catalogue) -> int:
         lines = [head(card, text), text("card.marks"), *check_lines(checks, text), "", summary(checks, text)]
         print("\n".join(lines))
     refused = options.prove and not moves
-    return 1 if refused or worst(checks) is Outcome.FAILS else 0
+    return 1 if refused or worst(checks) is Severity.REFUSAL else 0
 
 
 def _arrival_check(line_check: LineCheck) -> Check:
     """Return who sees that a line that moves something arrives as it was sent."""
     code = "network_checksums" if line_check is LineCheck.NETWORK else "line_checksums"
-    outcome = Outcome.WARNED if line_check is LineCheck.NOBODY else Outcome.HOLDS
-    return Check(group=Group.CARD, code=code, outcome=outcome)
+    severity = Severity.WARNING if line_check is LineCheck.NOBODY else Severity.OK
+    return Check(group=Group.CARD, code=code, severity=severity)
 
 
 def _proven(options: Namespace, card: Card, verification: Verification, text: Catalogue) -> tuple[Check, ...]:

@@ -13,8 +13,8 @@ from console.session.data.identified import response_in
 from console.text.catalogue import Catalogue
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.preview.preview import preview
+from profiles.findings import refusals
 from profiles.problem import ProblemError
-from profiles.rules import refusals
 
 
 def main(options: Namespace, text: Catalogue) -> int:

@@ -51,9 +51,10 @@ from drivers.cutting.planning import Strategy
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
+from profiles.findings import Severity
 from profiles.problem import Problem
 from profiles.roundness import evaluate
-from profiles.rules import Severity, force_as_measured
+from profiles.rules import force_as_measured
 
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
 """Alarms that a take-over settles."""
