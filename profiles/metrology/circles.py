@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from profiles.least_squares import fit
 from profiles.metrology.exchange import exchanged
 from profiles.metrology.points import LARGEST_GAP_DEG, FloatArray, checked, largest_gap_deg, narrow
 from profiles.metrology.sliding import settled
@@ -125,8 +124,12 @@ def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[floa
 
 
 def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
-    mean_um, x_um, y_um = fit(np.vstack((np.ones(deviation_um.size), direction)).T, deviation_um).coefficients
-    return float(mean_um), float(x_um), float(y_um)
+    """By the normal equations, twice: the exchange works on what is left, down to the last digit."""
+    design = np.vstack((np.ones(deviation_um.size), direction))
+    normal = design @ design.T
+    solution = np.linalg.solve(normal, design @ deviation_um)
+    solution += np.linalg.solve(normal, design @ (deviation_um - solution @ design))
+    return float(solution[0]), float(solution[1]), float(solution[2])
 
 
 def _direction(angle_deg: FloatArray) -> FloatArray:
