@@ -18,6 +18,11 @@ class Severity(StrEnum):
     WARNING = "warning"
     REFUSAL = "refusal"
 
+    @property
+    def rank(self) -> int:
+        """Its place on the scale: the higher, the worse."""
+        return list(Severity).index(self)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
@@ -37,8 +42,7 @@ class Judged(Protocol):
 
 def worst(judged: Iterable[Judged]) -> Severity:
     """Return the worst severity; nothing judged is ok."""
-    order = list(Severity)
-    return max((each.severity for each in judged), key=order.index, default=Severity.OK)
+    return max((each.severity for each in judged), key=lambda each: each.rank, default=Severity.OK)
 
 
 def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -43,7 +43,7 @@ def zig_zag(turns: int, lobes: int = 3, tm: float = 20) -> str:
 def test_a_clean_program_has_no_finding(machine: MachineProfile) -> None:
     found = checked("TA100 TS20 TM500\nX1000\nDWELL10\nX-1000", machine)
     assert found.findings == ()
-    assert found.worst is None
+    assert found.worst is Severity.OK
     assert found.explanation == ()
 
 

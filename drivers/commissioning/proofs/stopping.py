@@ -90,7 +90,7 @@ def prove_stops(bench: ProofBench) -> MeasuredStops:
     try:
         heartbeat.prepare()
     except RefusedError as refused:
-        found = "; ".join(str(problem) for problem in refused.problems)
+        found = "; ".join(problem.facts for problem in refused.problems)
         failed = Check(group=Group.PROOFS, code="proof_lease", severity=Severity.REFUSAL, found=found, wanted="-")
         return MeasuredStops(checks=(failed,))
     (i10,) = bench.client.numbers(f"I{SERVO_PERIOD}", again=True)

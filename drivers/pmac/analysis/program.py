@@ -24,7 +24,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
-from profiles.findings import Severity
+from profiles.findings import Severity, worst
 from profiles.machine import MachineProfile
 
 
@@ -76,9 +76,6 @@ def _passes(subject: Subject, left: Left) -> int:
     return sum(step.place == steps[-1].place for step in steps)
 
 
-_ORDER = list(Severity)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramCheck:
     """What a program does from `start`. Findings stand with the worst first.
@@ -96,9 +93,9 @@ class ProgramCheck:
     explanation: tuple[Sentence, ...]
 
     @property
-    def worst(self) -> Severity | None:
+    def worst(self) -> Severity:
         """The worst severity that was found."""
-        return self.findings[0].severity if self.findings else None
+        return worst(self.findings)
 
 
 def check_program(
@@ -138,7 +135,7 @@ def check_program(
         moves=subject.moves,
         places=tuple(_place(read, move.program, move.line) for move in subject.moves),
         duration_ms=subject.timeline.ends_ms,
-        findings=tuple(sorted(findings, key=lambda finding: _ORDER.index(finding.severity))),
+        findings=tuple(sorted(findings, key=lambda finding: finding.severity.rank, reverse=True)),
         explanation=explain(subject, zigzag),
     )
 
