@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from contextlib import suppress
 from datetime import date, timedelta
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 from console.cli.card_access import Card, opened_card
@@ -32,6 +33,9 @@ from profiles.problem import Problem, ProfileError
 if TYPE_CHECKING:
     from drivers.commissioning.proofs.proving import Proven
 
+
+DISTRIBUTION = "trilobe"
+"""The name of this one, and of the command that no other claims."""
 
 STOPS = ("proof_lease", "proof_stop_")
 """The codes of the proofs that a record rests on."""
@@ -134,7 +138,16 @@ def main(options: Namespace, text: Catalogue) -> int:
             verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken its time
         proofs = _proven(options, card, verification, text) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
-    checks = in_order([*verification.checks, _arrival_check(card.client.line_check), *unsigned, *stops, *proofs])
+    checks = in_order(
+        [
+            *verification.checks,
+            _arrival_check(card.client.line_check),
+            *unsigned,
+            *stops,
+            *proofs,
+            *_command_checks(),
+        ]
+    )
     if options.json:
         print_json({**identity(card), "checks": check_fields(checks, text)})
     else:
@@ -142,6 +155,18 @@ def main(options: Namespace, text: Catalogue) -> int:
         print("\n".join(lines))
     refused = options.prove and not moves
     return 1 if refused or worst(checks) is Severity.REFUSAL else 0
+
+
+def _command_checks() -> list[Check]:
+    """Return a warning for each other distribution whose `console` may stand in the place of ours."""
+    claims = entry_points(group="console_scripts", name="console")
+    others = sorted({claim.dist.name for claim in claims if claim.dist} - {DISTRIBUTION})
+    return [
+        Check(
+            group=Group.SYSTEM, code="command_taken", severity=Severity.WARNING, found=other, wanted=DISTRIBUTION
+        )
+        for other in others
+    ]
 
 
 def _arrival_check(line_check: LineCheck) -> Check:

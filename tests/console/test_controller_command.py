@@ -19,7 +19,6 @@ from drivers.commissioning.check import Group
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
 from drivers.commissioning.stops import RunOn
-from profiles.findings import Severity
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, commissioned, of_family
@@ -325,7 +324,6 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
     missing |= {f"card.subject.{device}" for device in SAFETY_DEVICES}
     assert sorted(missing - words) == []
     assert len(said) > 40
-    assert {severity.value for severity in Severity} == {"holds", "noted", "warned", "fails"}
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -353,3 +351,17 @@ def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_
     real(card, monkeypatch)
     assert console("controller", "apply", "--yes").code == 0
     assert card.client.numbers("I130") != (77.0,)
+
+
+def test_doctor_tells_of_another_package_that_brings_the_command(
+    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert "trilobe" not in console("doctor").out
+    other = tmp_path / "console-0.9.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: console\nVersion: 0.9\n", encoding="ascii")
+    (other / "entry_points.txt").write_text("[console_scripts]\nconsole = other:main\n", encoding="ascii")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    said = console("doctor")
+    assert "use the command trilobe" in " ".join(said.out.split())
+    assert said.code == 0, "a warning stops nothing"
