@@ -226,13 +226,14 @@ class ChosenPath:
 def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
     # Numerics, which the first page does without.
     from console.session.cut.compensated import chosen_problems, path_of
-    from console.session.stages import Stage
+    from console.session.stages import Stage, staged
     from drivers.cutting.planning import Strategy
 
     if chosen_problems(work, simulated=simulated):
         return None
     job, machine = aligned_job(work.job, alignment), aligned_machine(work.machine.machine, alignment)
     try:
-        return path_of(job, work.job, machine, Strategy(work.strategy), Stage(work.stage), work.compensation)
+        learned = path_of(job, work.job, work.compensation)
+        return staged(job, machine, Strategy(work.strategy), Stage(work.stage), learned)
     except ProblemError:
         return None  # the preview of the model fails for the same reason, and tells it

@@ -6,7 +6,7 @@ that moves is sent twice.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -72,6 +72,7 @@ class Lathe:
         self._heartbeat = heartbeat
         self._dialect = DIALECTS[machine.controller.family]
         self._controller = machine.controller
+        self._to_restore: tuple[str, ...] = ()
         self._motors = {
             AxisName.TOOL: machine.tool.motor,
             AxisName.SPINDLE: machine.spindle.motor,
@@ -223,10 +224,12 @@ class Lathe:
         """The condition without which a cutting program ends by itself, empty when nobody keeps a lease."""
         return "" if self._heartbeat is None else self._heartbeat.condition
 
-    def load(self, program: ProgramText, axis_definitions: tuple[str, ...] = ()) -> None:
+    def load(
+        self, program: ProgramText, axis_definitions: tuple[str, ...] = (), restore: tuple[str, ...] = ()
+    ) -> None:
         """Send a program, read it back with the constants and tables in front of it, and compare.
 
-        A program that defines axes says which are there from now on, until `restore`.
+        A program that defines axes says which are there from now on, until `put_back` sends the lines `restore`.
 
         Raises:
             ControllerError: a line was refused.
@@ -236,21 +239,21 @@ class Lathe:
         self._sending.refuse_unless_owner()
         definitions = axis_definitions or self.machine.controller.axis_definitions
         self._controller = replace(self.machine.controller, axis_definitions=definitions)
+        self._to_restore = restore
         self._loading.load(program)
         self.held = False
 
-    def restore(self, lines: Iterable[str]) -> None:
-        """Send the lines that make the controller what the machine profile says, once a cut is over and all rests.
+    def put_back(self) -> None:
+        """Set the controller as its profile says where loading has changed that, once all rests; else do nothing.
 
         Raises:
             DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
         """
-        lines = tuple(lines)
-        if lines:
+        if self._to_restore:
             self._sending.refuse_unless_owner()
             self._refuse_moving(self.snapshot())
-            self._loading.restore(lines)
-        self._controller = self.machine.controller
+            self._loading.restore(self._to_restore)
+        self._to_restore, self._controller = (), self.machine.controller
 
     def tables_left(self) -> tuple[Problem, ...]:
         """Return what compensation tables still add to the tool, or would: nothing before a cut, nor behind it.

@@ -6,14 +6,28 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from profiles.problem import Problem
+from typing import Protocol
 
 LANGUAGES = ("en", "ko")
 NAMES_A_KEY = ("key.", "value.", "schema.", "safety.not_signed", "safety.unknown", "safety.nobody_named")
 """Problems, by the beginning of their code, whose key is that of a file: it is written as in the file."""
+
+
+class _Facts(Protocol):
+    """A problem, which reads its words here."""
+
+    @property
+    def code(self) -> str: ...
+    @property
+    def where(self) -> str: ...
+    @property
+    def key(self) -> str: ...
+    @property
+    def value(self) -> str: ...
+    @property
+    def limit(self) -> str: ...
+    @property
+    def facts(self) -> str: ...
 
 
 class Sentences:
@@ -29,7 +43,7 @@ class Sentences:
             return " ".join([key, *(f"{name}={value}" for name, value in fields.items())])
         return entry.format(**fields)
 
-    def problem(self, problem: Problem) -> str:
+    def problem(self, problem: _Facts) -> str:
         """Return one line that names what, where, value, limit and remedy."""
         key = f"problem.{problem.code}.{problem.key}"
         if key not in self._entries:

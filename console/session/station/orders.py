@@ -11,13 +11,13 @@ from dataclasses import replace
 from typing import Any
 
 from console.session.cut.alignment import TouchOff, aligned_job, clamped, jaw_found, unclamped
+from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job, refuse_unless
-from console.session.cut.run import FILTER_UPR
-from console.session.cut.sequence import tool_clear
+from console.session.cut.run import roundness_of
 from console.session.errors import SessionError
 from console.session.learning.part_lesson import lesson_of
 from console.session.station.alarms import recovered
-from console.session.station.cutting import arm, disarm, put_back, retract, start
+from console.session.station.cutting import arm, disarm, retract, start
 from console.session.station.intents import (
     Approach,
     Arm,
@@ -53,7 +53,6 @@ from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
 from profiles.findings import Severity
 from profiles.problem import Problem
-from profiles.roundness import evaluate
 from profiles.rules import force_as_measured
 
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
@@ -72,7 +71,7 @@ OVER_PART_MM = 2.0
 def verify(place: Workplace, _: Verify) -> None:
     """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
     if place.state.controls:
-        put_back(place)
+        place.lathe.put_back()
     settings = place.lathe.verify()
     if place.state.controls:
         settings = (*settings, *place.lathe.tables_left())
@@ -127,7 +126,7 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
 def switch_off(place: Workplace, _: SwitchOff) -> None:
     """Open the loops."""
     place.lathe.switch_off()
-    put_back(place)
+    place.lathe.put_back()
 
 
 def home(place: Workplace, _: Home) -> None:
@@ -226,7 +225,7 @@ def measure(place: Workplace, _: Measure) -> None:
         place.lathe.switch_off()
     _refuse_unless_still(place)
     trace = place.shop.measure()
-    result = evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
+    result = roundness_of(trace)
     part = MeasuredPart(
         job=started.job,
         strategy=started.strategy,
