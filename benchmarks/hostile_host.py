@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from benchmarks.hostile_lines import DEEDS, Deed
 from benchmarks.measure import extent, print_table
 from console.session.cut.sequence import Shop, Step, cut_part
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership

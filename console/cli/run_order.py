@@ -17,11 +17,11 @@ from console.session.data.learned_store import NONE, accepted, asked_for, chosen
 from console.session.errors import SessionError
 from console.session.learning.learning import LearnResult, learn, refuse_unlearnable
 from console.session.signals import Interruption
-from console.session.stages import FOLLOWING, Stage, nominal_path
+from console.session.stages import Stage, nominal_path
 from console.session.station.commissioned import Commissioned
 from console.session.station.reaching import Reached, address_of, guard, leave, machine_shop, reach
 from console.text.catalogue import Catalogue
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat, cut_condition
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.stop import StopPath
@@ -112,7 +112,7 @@ def ordered(options: Namespace) -> RunOrder:
 
 def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool) -> tuple[Problem, ...]:
     """Return that a version was learned for this job and is not asked for; parts in a row begin from the job."""
-    if options.compensation != NONE or options.learn is not None or Strategy(options.strategy) not in FOLLOWING:
+    if options.compensation != NONE or options.learn is not None or not Strategy(options.strategy).traits.inverts:
         return ()
     try:
         newest = accepted(job, machine, data_of(options), simulated=simulated)

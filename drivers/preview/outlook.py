@@ -6,7 +6,8 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from drivers.cutting.planning import Strategy, nominal_command
+from drivers.cutting.planning import nominal_command
+from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import path_response
 from profiles.axis.response import ServoResponse
 from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_response
@@ -16,9 +17,6 @@ from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, want
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.rules import Finding, check
-
-INVERTING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
-"""The strategies whose command is the inverse of a response."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +46,9 @@ class Outlook:
     """A job on a machine as far as it takes no program: fast enough to follow every key.
 
     `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `wanted`;
-    where it inverts nothing these are of `pvt`. `shares` are those of the sine of the command, at the speed of the
-    job. `taught` is what a measured part lets expect of one cut with what it has taught, where that is the path:
-    the model knows nothing of what was learned. None is the model's.
+    where it inverts nothing these are of the default one. `shares` are those of the sine of the command, at the
+    speed of the job. `taught` is what a measured part lets expect of one cut with what it has taught, if that is
+    the path: the model knows nothing of what was learned. None is the model's.
     """
 
     job: Job
@@ -71,7 +69,7 @@ class Outlook:
 def outlook(
     job: Job,
     machine: MachineProfile,
-    strategy: Strategy = Strategy.PVT,
+    strategy: Strategy = DEFAULT_STRATEGY,
     response: ServoResponse | None = None,
     *,
     path: CutPath | None = None,
@@ -86,7 +84,7 @@ def outlook(
         ProblemError: `response.amplified`, `response.outside_band`, `response.too_sparse`: the axis cannot be
             inverted at this speed.
     """
-    inverting = strategy if strategy in INVERTING else Strategy.PVT
+    inverting = strategy if strategy.traits.inverts else DEFAULT_STRATEGY
     inverted = path_response(inverting, machine) if response is None else response
     command = nominal_command(job, machine, inverting, inverted) if path is None else path.command
     frequency_hz = job.lobe_frequency_hz

@@ -9,7 +9,8 @@ from console.session.cut.interlocks import of_job, of_lobe, of_program, of_zero,
 from console.session.cut.sequence import CutOutcome, Shop, Step, cut_part
 from console.session.cut.telemetry import CutFigures
 from console.session.stages import Stage, air_mm, staged
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from profiles.compensations.path import CutPath, Expected, expected
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -132,9 +133,9 @@ def plan_run(
 
 
 def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> CutPlan | None:
-    if cut.strategy is Strategy.NONE:
+    if not cut.strategy.traits.follows_lobe:
         return cut
-    return None if machine.spindle.followed else plan_cut(job, machine, Strategy.NONE, lease=lease)
+    return None if machine.spindle.followed else plan_cut(job, machine, UNCOMPENSATED, lease=lease)
 
 
 def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step, str], None]) -> RunResult:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.cut.sequence import Beside, CutOutcome, Shop, cut_part
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat, cut_condition
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.stop import StopPath
