@@ -20,7 +20,7 @@ from drivers.lathe.commands import Sending
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs, band_counts
-from drivers.lathe.motion import Motion, overrun_counts
+from drivers.lathe.motion import Motion
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import LOOK_TIMEOUT_S, Looks
 from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
@@ -213,10 +213,6 @@ class Lathe:
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
         """Jog the tool out to a position in counts, see `Jogs.retract`."""
         self._jogs.retract(to_counts, timeout_s)
-
-    def overrun_counts(self, axis: AxisName) -> float:
-        """Return the way that an axis may still go after a stop in mid-jog, see `drivers.lathe.motion`."""
-        return overrun_counts(self.machine, self._motors[axis])
 
     @property
     def lease(self) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from drivers.cutting.planning import nominal_command
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import path_response
+from drivers.pmac.motor_settings import MotorSettings
 from profiles.axis.response import ServoResponse
 from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_response
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
@@ -122,7 +123,7 @@ def shares_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
     voltage is there where the machine profile has that of the amplifier.
     """
     tool = machine.tool
-    fastest_mm_per_s = machine.controller.variables[f"I{tool.motor}16"] / tool.counts_per_mm * 1000.0
+    fastest_mm_per_s = MotorSettings(machine, tool.motor).program_speed
     shares = {
         "velocity_mm_per_s": Share(need=need.velocity_mm_per_s, limit=fastest_mm_per_s),
         "acceleration_m_per_s2": Share(

@@ -171,7 +171,7 @@ def test_the_programs_come_one_by_one_that_of_the_chosen_strategy_first(planner:
     work = ticked(previewer, work)
     assert there(work) == ["timebase"]
     assert work.preview is None
-    planner.let(4)
+    planner.let(len(Strategy) - 1)
     work = finished(previewer, work)
     assert sorted(there(work)) == sorted(Strategy)
     assert work.preview is work.outlook
