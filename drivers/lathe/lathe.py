@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from drivers.clock import Clock
 from drivers.commissioning.settings_check import differences
+from drivers.controller import Controller
 from drivers.cutting.guarding import ProgramEnd
 from drivers.cutting.loading import STOPPED_BY, Loading
 from drivers.cutting.sampling import BatchGather
@@ -27,7 +28,6 @@ from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axe
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.lathe.standstill import REST_S, Settling, prove_rest
 from drivers.lathe.stop import StopPath
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.cam_trim import trim_line
@@ -47,7 +47,7 @@ class Lathe:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         machine: MachineProfile,
         clock: Clock,
         stop: StopPath,
