@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from drivers.clock import Clock
 from drivers.commissioning.settings_check import differences
+from drivers.controller import Controller
 from drivers.cutting.guarding import ProgramEnd
 from drivers.cutting.loading import STOPPED_BY, Loading
 from drivers.cutting.sampling import BatchGather
@@ -20,14 +21,13 @@ from drivers.lathe.commands import Sending
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs, band_counts
-from drivers.lathe.motion import Motion, overrun_counts
+from drivers.lathe.motion import Motion
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import LOOK_TIMEOUT_S, Looks
 from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.lathe.standstill import REST_S, Settling, prove_rest
 from drivers.lathe.stop import StopPath
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.cam_trim import trim_line
@@ -47,7 +47,7 @@ class Lathe:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         machine: MachineProfile,
         clock: Clock,
         stop: StopPath,
@@ -214,10 +214,6 @@ class Lathe:
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
         """Jog the tool out to a position in counts, see `Jogs.retract`."""
         self._jogs.retract(to_counts, timeout_s)
-
-    def overrun_counts(self, axis: AxisName) -> float:
-        """Return the way that an axis may still go after a stop in mid-jog, see `drivers.lathe.motion`."""
-        return overrun_counts(self.machine, self._motors[axis])
 
     @property
     def lease(self) -> str:

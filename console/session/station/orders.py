@@ -47,7 +47,6 @@ from console.session.station.jogging import (
 )
 from console.session.station.state import Activity, MeasuredPart
 from console.session.station.workplace import Workplace
-from drivers.cutting.planning import Strategy
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -239,7 +238,7 @@ def measure(place: Workplace, _: Measure) -> None:
     place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
     place.end_record()
     place.tell(measured=part, cut_done=False, armed=None)
-    if part.strategy is Strategy.NONE:
+    if not part.strategy.traits.follows_lobe:
         place.tell(uncompensated=part)
     place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
 
