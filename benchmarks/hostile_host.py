@@ -31,7 +31,8 @@ from benchmarks.measure import extent, print_table
 from console.session.cut.context import CutContext
 from console.session.cut.engine import Step
 from console.session.cut.headless import cut_part
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership

@@ -26,7 +26,7 @@ from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_PATIENCE_S, OPEN_PATIENCE_S, RunRecord, begin_record
 from console.session.errors import SessionError
 from console.session.signals import Interruption
-from console.session.stages import FOLLOWING, Stage
+from console.session.stages import Stage
 from console.text.catalogue import Catalogue
 from drivers.link.tracing import Tracing
 from profiles.traces import write_trace
@@ -148,7 +148,7 @@ def _save_part(order: RunOrder, result: RunResult) -> None:
 
 def learn_hint(options: Namespace, order: RunOrder, text: Catalogue) -> list[str]:
     """Return how to learn from the part; nothing of one in air, or by a strategy that follows no path."""
-    if order.plan.cut.strategy not in FOLLOWING or order.plan.stage is Stage.AIR:
+    if not order.plan.cut.strategy.traits.inverts or order.plan.stage is Stage.AIR:
         return []
     if order.simulated and order.part_file is None:
         return []

@@ -13,9 +13,9 @@ from console.session.data.identified import response_in
 from console.session.data.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
 from console.session.learning.learning import refuse_unlearnable
-from console.session.stages import FOLLOWING, Stage, nominal_path
+from console.session.stages import Stage, nominal_path
 from console.session.station.reaching import address_of
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
@@ -100,7 +100,7 @@ def ordered(options: Namespace) -> RunOrder:
 
 def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool) -> tuple[Problem, ...]:
     """Return that a version was learned for this job and is not asked for; parts in a row begin from the job."""
-    if options.compensation != NONE or options.learn is not None or Strategy(options.strategy) not in FOLLOWING:
+    if options.compensation != NONE or options.learn is not None or not Strategy(options.strategy).traits.inverts:
         return ()
     try:
         newest = accepted(job, machine, data_of(options), simulated=simulated)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from drivers.controller import Controller
 from drivers.errors import LinkError, RefusedError
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import Looks
 from drivers.lathe.safety import device_problems
 from drivers.lathe.stop import StopPath
-from drivers.pmac.client import PmacClient
 from profiles.problem import Problem
 
 IN_PART = "link.line_in_part"
@@ -24,7 +24,7 @@ class Sending:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         stop: StopPath,
         looks: Looks,
         ownership: Ownership | None,
@@ -103,6 +103,16 @@ class Sending:
         if self._stop.reason is not None:
             self._stop.repeat()
         self._stop.check()
+
+    def refuse_moving(self) -> None:
+        """Make sure that nothing moves.
+
+        Raises:
+            RefusedError: `machine.moving`.
+            LinkError: the link broke or is out of step.
+        """
+        if self._looks.look().moving:
+            raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
 
     def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
         """Stop if anything moves behind a line that was not carried out: a character of it acted by itself.

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from drivers.clock import Clock
+from drivers.controller import REPLY_TIMEOUT_S
 from drivers.errors import LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
 from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_answer, shown, unmistakable
@@ -23,7 +24,6 @@ from profiles.problem import Problem
 
 CR, FLUSH = b"\r", b"\x18"
 
-REPLY_TIMEOUT_S = 2.0
 CHECKSUM_TIMEOUT_S = 0.3
 """How long the controller may take to say the checksum of a line; nothing was carried out yet."""
 

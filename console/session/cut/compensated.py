@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.learned_store import accepted, asked_for, versions
-from console.session.stages import FOLLOWING, Stage
+from console.session.stages import Stage
 from console.session.work import Work
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import INVERTING, Strategy
 from profiles.compensations.learned import LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.job import Job
@@ -44,8 +44,8 @@ def compensation_problems(
         problems.append(Problem(code="learned.edited", key=str(compensation.version)))
     elif compensation is not None and loaded is not None:
         problems += differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
-    if stage is Stage.PARTIAL and strategy not in FOLLOWING:
-        limit = " | ".join(FOLLOWING)
+    if stage is Stage.PARTIAL and not strategy.traits.inverts:
+        limit = " | ".join(INVERTING)
         problems.append(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
     return tuple(problems)
 

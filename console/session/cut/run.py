@@ -11,7 +11,8 @@ from console.session.cut.headless import CutOutcome, cut_part
 from console.session.cut.planning import planned, refuse_unplannable
 from console.session.cut.telemetry import CutFigures
 from console.session.stages import Stage
-from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from profiles.compensations.path import CutPath, Expected, expected
 from profiles.findings import Severity
 from profiles.job import Job
@@ -136,11 +137,11 @@ def plan_run(
 
 
 def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> CutPlan | None:
-    if cut.strategy is Strategy.NONE:
+    if not cut.strategy.traits.follows_lobe:
         return cut
     if machine.spindle.followed:
         return None
-    return planned(job, machine, Strategy.NONE, Stage.FULL, None, lease=lease)
+    return planned(job, machine, UNCOMPENSATED, Stage.FULL, None, lease=lease)
 
 
 def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -> RunResult:

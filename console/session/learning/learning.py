@@ -21,8 +21,9 @@ from console.session.cut.telemetry import CutFigures
 from console.session.errors import SessionError
 from console.session.learning.learning_beside import AirWatch, CutLearner
 from console.session.stages import Stage
-from drivers.cutting.planning import CutPlan, Strategy, nominal_command
+from drivers.cutting.planning import CutPlan, nominal_command
 from drivers.cutting.sampling import Batch
+from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
@@ -117,9 +118,9 @@ def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
         SessionError: `learning.strategy`, only a table can be learned; `learning.no_gauge`, nobody would measure
             the parts between two cuts.
     """
-    if plan.cut.strategy is not Strategy.CAM or plan.reference is None:
+    if not plan.cut.strategy.traits.trims or plan.reference is None:
         strategy = plan.cut.strategy.value
-        raise SessionError(Problem(code="learning.strategy", value=strategy, limit=Strategy.CAM.value))
+        raise SessionError(Problem(code="learning.strategy", value=strategy, limit=", ".join(TRIMMED)))
     if not measured:
         raise SessionError(Problem(code="learning.no_gauge"))
 
@@ -148,7 +149,7 @@ class _Learner:
         self._plan, self._context, self._tell = plan, context, tell
         self._job, self._machine = plan.job, plan.machine
         wanted = wanted_path(plan.job)
-        self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, Strategy.CAM))
+        self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, plan.cut.strategy))
         self._watch = Watch()
         self._air_um: list[float] = []
         self._homed = False
@@ -180,7 +181,7 @@ class _Learner:
 
     def _plain(self, job: Job, name: str) -> Trace:
         lease = self._plan.cut.setup.lease
-        plan = planned(job, self._machine, Strategy.NONE, Stage.FULL, None, lease=lease, from_turn=self._turn())
+        plan = planned(job, self._machine, UNCOMPENSATED, Stage.FULL, None, lease=lease, from_turn=self._turn())
         return _measured(self._cut(job, plan, name).trace)
 
     def _cut(
@@ -311,7 +312,7 @@ class _Learner:
         return planned(
             job,
             self._machine,
-            Strategy.CAM,
+            self._plan.cut.strategy,
             stage,
             self._path,
             lease=self._plan.cut.setup.lease,
@@ -336,4 +337,4 @@ class _Learner:
 
     def _response(self, waves: int) -> complex:
         frequency_hz = waves * self._job.spindle_speed_rpm / 60.0
-        return nominal_response(Strategy.CAM, self._machine, frequency_hz)
+        return nominal_response(self._plan.cut.strategy, self._machine, frequency_hz)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from console.session.cut.headless import Beside, CutOutcome, cut_part
 from console.session.cut.in_process import simulated_context
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import cut_condition
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.compensations.path import CutPath

@@ -47,7 +47,6 @@ from console.session.station.jogging import (
 )
 from console.session.station.state import Activity, MeasuredPart
 from console.session.station.workplace import Workplace
-from drivers.cutting.planning import Strategy
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -71,10 +70,10 @@ OVER_PART_MM = 2.0
 def verify(place: Workplace, _: Verify) -> None:
     """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
     if place.state.controls:
-        place.lathe.put_back()
+        place.lathe.program.put_back()
     settings = place.lathe.verify()
     if place.state.controls:
-        settings = (*settings, *place.lathe.tables_left())
+        settings = (*settings, *place.lathe.program.tables_left())
         if place.commissioned is not None:
             place.commissioned.take_fingerprint()
     place.tell(alignment=replace(place.state.alignment, settings=settings))
@@ -126,7 +125,7 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
 def switch_off(place: Workplace, _: SwitchOff) -> None:
     """Open the loops."""
     place.lathe.switch_off()
-    place.lathe.put_back()
+    place.lathe.program.put_back()
 
 
 def home(place: Workplace, _: Home) -> None:
@@ -240,7 +239,7 @@ def measure(place: Workplace, _: Measure) -> None:
     place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
     place.end_record()
     place.tell(measured=part, cut_done=False, armed=None)
-    if part.strategy is Strategy.NONE:
+    if not part.strategy.traits.follows_lobe:
         place.tell(uncompensated=part)
     place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
 

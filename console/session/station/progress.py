@@ -13,8 +13,8 @@ from console.session.cut.interlocks import SPEED_BAND
 from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg, phase_of
 from console.session.cut.telemetry import CutFigures, is_leaving
 from console.session.station.ripple import SpindleRipple, spindle_ripple
-from drivers.cutting.plan import Strategy
 from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -162,7 +162,7 @@ class CutWatch:
         self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
-        self._judged = plan.strategy is not Strategy.NONE
+        self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = phase_limit_deg(plan.wanted, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
@@ -294,10 +294,10 @@ def before_part(
     `begun` is whether the tool has left the place where the program found it. Only a program on the spindle's time
     waits for the index, and it waits with everything at rest but the spindle.
     """
-    if strategy is Strategy.NONE:
+    if not strategy.traits.follows_lobe:
         return None
     at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - wanted_rpm) <= SPEED_BAND * wanted_rpm
-    waits = strategy is Strategy.TIMEBASE and at_speed and not begun
+    waits = strategy.traits.spindle_time and at_speed and not begun
     return Synchronisation.WAITING if waits else Synchronisation.QUEUED
 
 
@@ -308,7 +308,7 @@ def in_part(
 
     A spindle that stands is lost whatever the phase: what follows its angle stands with it, in phase.
     """
-    if strategy is Strategy.NONE:
+    if not strategy.traits.follows_lobe:
         return None
     if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * wanted_rpm:
         return Synchronisation.LOST

@@ -39,7 +39,7 @@ from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TraceView
 from console.tui.theme import Token
 from console.tui.waiting import refusal
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
 from profiles.problem import Problem
 
 FULL_TURN_DEG = (0.0, 360.0)
