@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from console.cli import run_report
-from console.cli.output import roundness_fields
+from console.cli.measured.roundness_fields import roundness_fields
 from console.session.cut.run import RunResult
 from console.session.learning.learning import LearnedPart, LearnResult
 from console.text.catalogue import Catalogue

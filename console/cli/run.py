@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import sys
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from console.cli.library import agreed
+from console.cli.agreement import agreed
+from console.cli.arguments import (
+    STAGES,
+    add_job,
+    add_link,
+    add_machine,
+    add_plant,
+    add_sim,
+    add_strategy,
+    compensation,
+    whole_number,
+)
+from console.cli.parser import Parser
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
 
@@ -26,7 +38,7 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import TypeVar
 
-from console.cli.predict import force_words
+from console.cli.clamping_lines import force_line
 from console.cli.run_order import RunOrder
 from console.session.cut.run import RunResult
 from console.session.data.learned_store import NONE
@@ -37,6 +49,32 @@ from console.session.stages import FOLLOWING, Stage
 from profiles.traces import write_trace
 
 WRONG_USAGE = 2
+MOST_PARTS = 20
+"""Parts in a row that learn."""
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the job, the machine, simulated or real, how it is cut, and where its trace goes."""
+    add_job(parser, text)
+    add_machine(parser, text)
+    add_sim(parser, text, "help.sim")
+    add_link(parser, text)
+    add_strategy(parser, text)
+    add_plant(parser, text)
+    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
+    parser.add_argument("--learn", metavar="PARTS", type=_parts, help=text("help.run.learn"))
+    parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))
+    version_help = text("help.compensation")
+    parser.add_argument("--compensation", metavar="VERSION", type=compensation, default="none", help=version_help)
+    parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
+    parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
+
+
+def _parts(word: str) -> int:
+    parts = whole_number(word)
+    if not 1 <= parts <= MOST_PARTS:
+        raise ArgumentTypeError(Parser.text("usage.parts", value=word, limit=MOST_PARTS))
+    return parts
 
 
 def main(options: Namespace, text: Catalogue) -> int:
@@ -49,9 +87,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     interruption = Interruption()
     interruption.install()
-    from console.cli.library import anything_told
+    from console.cli.library import plant_given
 
-    if anything_told(options) and not options.sim:
+    if plant_given(options) and not options.sim:
         print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; the signals are already in hand.
@@ -73,8 +111,6 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _agreed(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
     """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
-    from console.cli.predict import force_words
-
     machine, job = order.plan.machine, order.plan.job
     rests_on = text(
         "run.rests_on",
@@ -84,7 +120,7 @@ def _agreed(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
         jaw=f"{job.jaw_1_deg:.2f}",
         force=f"{job.chucking_force_n:.0f}",
     )
-    print(f"{rests_on}\n{force_words(job, machine, text)}", file=sys.stderr)
+    print(f"{rests_on}\n{force_line(job, machine, text)}", file=sys.stderr)
     return agreed(options, machine.name, order.simulated, text, "run")
 
 
@@ -175,7 +211,7 @@ def tell_cut_with(options: Namespace, order: RunOrder, text: Catalogue) -> None:
     plan = order.plan
     which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
     said = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
-    lines = [said] if order.address else [said, force_words(order.job.job, order.machine.machine, text)]
+    lines = [said] if order.address else [said, force_line(order.job.job, order.machine.machine, text)]
     # In one piece: a reader that goes away behind the first line is missed at the first step, which stops the cut.
     print("".join(f"{text('sim')}  {line}\n" if order.simulated else f"{line}\n" for line in lines), end="")
 

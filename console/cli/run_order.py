@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.cli.library import data_of, iron_told, job_of, machine_of
-from console.cli.stopping import Stopping
+from console.cli.library import data_of, job_of, machine_of, true_parameters_of
+from console.cli.machine.stopping import Stopping
 from console.session.cut.run import RunPlan, RunResult, plan_run, run, run_once
 from console.session.cut.sequence import Shop, Step
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
@@ -94,7 +94,7 @@ def ordered(options: Namespace) -> RunOrder:
         simulated=simulated,
     )
     unused = _unused(options, job, machine, simulated=simulated)
-    true = None if address is not None else iron_told(options, machine.machine)
+    true = None if address is not None else true_parameters_of(options, machine.machine)
     if options.learn is not None:
         _refuse_beside_learning(options)
         refuse_unlearnable(plan, measured=address is None)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from console.cli.output import roundness_fields
-from console.cli.predict import span_fields
+from console.cli.clamping_fields import span_fields
+from console.cli.measured.roundness_fields import roundness_fields
 from console.session.cut.run import RunResult
 from console.session.stages import Stage
 from console.session.station.alarms import collision_problems

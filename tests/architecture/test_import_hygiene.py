@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("console", "drivers", "profiles")
 HEAVY = ("numpy", "scipy", "control", "matplotlib", "textual", "rich", "plotext")
 
-BUILD_THE_PARSER = "import console.__main__; from console.cli.parser import build; " + (
+BUILD_THE_PARSER = "import console.__main__; from console.cli.commands import build; " + (
     "from console.text.catalogue import load; build(load('en'))"
 )
 

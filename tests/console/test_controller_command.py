@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import console as package
-from console.cli.card_access import Card
+from console.cli.machine.card_access import Card
 from drivers.commissioning.check import Group, Outcome
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
@@ -48,7 +48,7 @@ def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Com
         )
 
     for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.{module}.opened_card", opened)
+        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
     return made
 
 
@@ -74,7 +74,7 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
         )
 
     for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.{module}.opened_card", opened)
+        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-import console.cli.reproduce
+import console.cli.measured.reproduce
 from profiles.paper.experiments import lee_2001
 from profiles.paper.record import Record, Section
 from profiles.paper.reproduction import sections
@@ -22,7 +22,7 @@ def console_without_numerics(console: Console, monkeypatch: pytest.MonkeyPatch) 
     return console
 
 
-console_cli = console.cli.reproduce
+console_cli = console.cli.measured.reproduce
 COMPUTED = sections(lee_2001())
 
 

@@ -1,0 +1,52 @@
+"""`console preview`: what a job will do, before anything is sent."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from console.cli.arguments import DEFAULT_STRATEGY, STRATEGIES, add_job, add_machine
+from console.cli.library import job_of, judged_of
+from console.cli.output import print_json, tell
+from console.cli.parser import Parser
+from console.cli.part.preview_fields import preview_fields
+from console.cli.part.preview_lines import preview_lines
+from console.session.data.identified import response_in
+from console.text.catalogue import Catalogue
+from drivers.cutting.planning import CutPlan, Strategy
+from drivers.preview.preview import preview
+from profiles.problem import ProblemError
+from profiles.rules import refusals
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the job, the machine, the strategy and the response that it inverts."""
+    add_job(parser, text)
+    add_machine(parser, text)
+    strategy_help = text("help.preview.strategy")
+    parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=strategy_help)
+    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Print the preview; 1 when a rule refuses the job, or when the strategy cannot cut it.
+
+    Raises:
+        ProblemError: what cannot be read, or cannot be inverted at this speed; `response.of_another`.
+    """
+    job, judged = job_of(options).job, judged_of(options)
+    machine = judged.machine
+    strategy = Strategy(options.strategy)
+    file = options.identified
+    response = None if file is None else response_in(Path(file), machine, strategy)
+    seen = preview(job, machine, strategy, response)
+    warnings = tell(judged.warnings, text)
+    if options.json:
+        print_json({**preview_fields(seen, text), "calibrations": judged.used, "warnings": warnings})
+    else:
+        print("\n".join(preview_lines(seen, text)))
+    return 1 if refusals(seen.findings) or _refused(seen.strategies[strategy]) else 0
+
+
+def _refused(plan: CutPlan | ProblemError) -> bool:
+    return isinstance(plan, ProblemError) or bool(refusals(plan.findings))
