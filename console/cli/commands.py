@@ -1,14 +1,14 @@
 """The commands of the console, in the order of its help, as a tree of parsers.
 
 A command is a module with two functions: `add(parser, text)` adds its arguments, `main(options, text)` does the
-work and returns the exit code. Its help stands in the text catalogues as `help.NAME` and `help.NAME.long`. It is
-imported when the command is called, and not before.
+work and returns the exit code. Its help stands in the text catalogues as `help.NAME` and `help.NAME.long`. The
+module is imported when the command is called; it imports in `main` what is slow to load, as `--help` needs none of it.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import TypeAlias
 
 from console.cli.arguments import BEFORE, add_data, add_language, add_link, add_machine, add_plant
@@ -52,24 +52,23 @@ def build(text: Catalogue) -> Parser:
     title = text("help.commands")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=Parser)
     for name, module in COMMANDS.items():
-        _command(commands, name, name, module, text)
+        _command(commands, name, name, text).module = module
     return parser
 
 
-def add_actions(parser: Parser, command: str, names: Mapping[str, str], text: Catalogue) -> dict[str, Parser]:
-    """Add the actions of a command, each with the module that adds its arguments, or ""; return their parsers."""
+def add_actions(parser: Parser, command: str, names: Iterable[str], text: Catalogue) -> dict[str, Parser]:
+    """Add the actions of a command; return the parser of each."""
     title = text(f"help.{command}.actions")
     actions = parser.add_subparsers(
         dest="action", metavar="ACTION", title=title, required=True, parser_class=Parser
     )
-    return {name: _command(actions, name, f"{command}.{name}", module, text) for name, module in names.items()}
+    return {name: _command(actions, name, f"{command}.{name}", text) for name in names}
 
 
-def _command(commands: _Commands, name: str, key: str, module: str, text: Catalogue) -> Parser:
+def _command(commands: _Commands, name: str, key: str, text: Catalogue) -> Parser:
     """Return the parser of a command with what all have; its help stands under `key`."""
     parser: Parser = commands.add_parser(name, help=text(f"help.{key}"), description=text(f"help.{key}.long"))
     parser.add_argument("--json", action="store_true", default=BEFORE, help=text("help.json"))
     add_data(parser, text)
     add_language(parser, text)
-    parser.module = module
     return parser

@@ -47,8 +47,7 @@ def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Com
             kind=kind,
         )
 
-    for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
+    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
     return made
 
 
@@ -73,8 +72,7 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
             kind="PMAC1",
         )
 
-    for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
+    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -8,10 +8,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from console.cli.arguments import add_machine, number
 from console.cli.library import data_of, machine_of
 from console.cli.output import print_json, tell
-from console.cli.parser import Parser
 from console.session.data.calibrated_chuck import refuse_unusable
 from console.session.data.calibrations import Calibration, date_problems, newest, store
 from console.session.data.dates import utc_now
@@ -25,8 +23,6 @@ from profiles.machine import MachineProfile
 from profiles.materials import material_named
 from profiles.problem import Problem, ProfileError
 
-KINDS = tuple(kind.value for kind in CalibrationKind)
-
 Rows = list[tuple[str, ...]]
 
 WIDE_SLOPE = 0.10
@@ -36,18 +32,7 @@ NO_SCATTER = 1e-6
 """Scatter in % of the force, below which there is nothing but rounding."""
 
 
-def add(parser: Parser, text: Catalogue) -> None:
-    """Add the table, the machine, what the table is of, and a torque or force to answer for."""
-    parser.add_argument("file", metavar="FILE.csv", help=text("help.calibrate.table"))
-    add_machine(parser, text)
-    parser.add_argument("--kind", choices=KINDS, help=text("help.calibrate.kind"))
-    parser.add_argument("--affine", action="store_true", help=text("help.calibrate.affine"))
-    parser.add_argument("--torque", metavar="NM", type=number, help=text("help.calibrate.torque"))
-    parser.add_argument("--force", metavar="N", type=number, help=text("help.calibrate.force"))
-    parser.add_argument("--keep", action="store_true", help=text("help.calibrate.chuck.keep"))
-
-
-def main(options: Namespace, text: Catalogue) -> int:
+def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
     """Fit a table of measurements of a machine's chuck.
 
     Raises:

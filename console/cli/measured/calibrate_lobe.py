@@ -8,11 +8,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from console.cli.arguments import add_machine, add_sim, whole_numbers
 from console.cli.library import data_of, job_of, machine_of
 from console.cli.lobe_lines import lobe_place_line
 from console.cli.output import print_json, tell
-from console.cli.parser import Parser
 from console.session.data.calibrations import Calibration, keep_job, store
 from console.session.data.dates import utc_now
 from console.text.catalogue import Catalogue
@@ -41,18 +39,7 @@ _STATED = (
 )
 
 
-def add(parser: Parser, text: Catalogue) -> None:
-    """Add the trace, the job, the machine and how to fit."""
-    parser.add_argument("file", metavar="TRACE", help=text("help.calibrate.trace"))
-    parser.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
-    add_machine(parser, text)
-    parser.add_argument("--extra", metavar="N,N", type=whole_numbers, help=text("help.calibrate.extra"))
-    parser.add_argument("--robust", action="store_true", help=text("help.calibrate.robust"))
-    parser.add_argument("--keep", action="store_true", help=text("help.calibrate.lobe.keep"))
-    add_sim(parser, text, "help.calibrate.lobe.sim")
-
-
-def main(options: Namespace, text: Catalogue) -> int:
+def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
     """Fit the lobe of a trace; with `--keep` give it to the job, unless something speaks against it.
 
     Raises:

@@ -76,6 +76,23 @@ def measured_trace(options: Namespace) -> MeasuredTrace:
     )
 
 
+def of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
+    """Return the result with the figures of another reference circle."""
+    circle = result.circle(kind)
+    if kind == result.reference_circle:
+        return result
+    return replace(
+        result,
+        reference_circle=kind,
+        ront_um=circle.ront_um,
+        ronp_um=circle.ronp_um,
+        ronv_um=circle.ronv_um,
+        ronq_um=circle.ronq_um,
+        centre_x_um=circle.centre_x_um,
+        centre_y_um=circle.centre_y_um,
+    )
+
+
 @contextmanager
 def naming(where: str) -> Iterator[None]:
     """Have every problem name the file."""

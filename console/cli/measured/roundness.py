@@ -6,15 +6,8 @@ from argparse import ArgumentTypeError, Namespace
 from dataclasses import replace
 
 from console.cli.arguments import number, whole_number
-from console.cli.measured.measured_trace import measured_trace, naming
-from console.cli.measured.roundness_fields import trace_fields
-from console.cli.measured.roundness_lines import roundness_lines
-from console.cli.measured.v_block import read_v_block, v_block_fields, v_block_lines
-from console.cli.output import print_json, tell
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
-from profiles.files import printable
-from profiles.roundness import RoundnessResult
 
 REFERENCE_CIRCLES = ("LSC", "MZC", "MCC", "MIC")
 LOWEST_UPR, HIGHEST_UPR = 1.0, 10_000.0
@@ -35,6 +28,13 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
+    from console.cli.measured.measured_trace import measured_trace, naming, of_circle
+    from console.cli.measured.roundness_fields import trace_fields
+    from console.cli.measured.roundness_lines import roundness_lines
+    from console.cli.measured.v_block import read_v_block, v_block_fields, v_block_lines
+    from console.cli.output import print_json, tell
+    from profiles.files import printable
+
     measured = measured_trace(options)
     warnings = tell(measured.result.warnings, text)
     if options.vblock is not None:
@@ -42,7 +42,7 @@ def main(options: Namespace, text: Catalogue) -> int:
             lobe = read_v_block(measured.result, options.vblock, options.lobes)
         fields, lines = v_block_fields(lobe, measured.header), v_block_lines(lobe, text)
     else:
-        shown = _of_circle(measured.result, options.circle)
+        shown = of_circle(measured.result, options.circle)
         measured = replace(measured, result=shown)
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     if options.json:
@@ -50,23 +50,6 @@ def main(options: Namespace, text: Catalogue) -> int:
         return 0
     print("\n".join(lines))
     return 0
-
-
-def _of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
-    """Return the result with the figures of another reference circle."""
-    circle = result.circle(kind)
-    if kind == result.reference_circle:
-        return result
-    return replace(
-        result,
-        reference_circle=kind,
-        ront_um=circle.ront_um,
-        ronp_um=circle.ronp_um,
-        ronv_um=circle.ronv_um,
-        ronq_um=circle.ronq_um,
-        centre_x_um=circle.centre_x_um,
-        centre_y_um=circle.centre_y_um,
-    )
 
 
 def _filter(word: str) -> float | None:

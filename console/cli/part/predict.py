@@ -5,14 +5,8 @@ from __future__ import annotations
 from argparse import Namespace
 
 from console.cli.arguments import add_job, add_machine
-from console.cli.library import job_of, judged_of
-from console.cli.output import print_json, tell
 from console.cli.parser import Parser
-from console.cli.part.predict_fields import prediction_fields
-from console.cli.part.predict_lines import prediction_lines, source_lines
 from console.text.catalogue import Catalogue
-from profiles.lobe.prediction import predict
-from profiles.rules import refusals
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -23,6 +17,13 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print the prediction; 1 when a rule refuses the job."""
+    from console.cli.library import job_of, judged_of
+    from console.cli.output import print_json, tell
+    from console.cli.part.predict_fields import prediction_fields
+    from console.cli.part.predict_lines import prediction_lines, source_lines
+    from profiles.lobe.prediction import predict
+    from profiles.rules import refusals
+
     job, found = job_of(options).job, judged_of(options)
     machine, seen = found.machine, predict(job, found.machine)
     warnings = tell(found.warnings, text)

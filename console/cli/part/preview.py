@@ -6,17 +6,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from console.cli.arguments import DEFAULT_STRATEGY, STRATEGIES, add_job, add_machine
-from console.cli.library import job_of, judged_of
-from console.cli.output import print_json, tell
 from console.cli.parser import Parser
-from console.cli.part.preview_fields import preview_fields
-from console.cli.part.preview_lines import preview_lines
-from console.session.data.identified import response_in
 from console.text.catalogue import Catalogue
-from drivers.cutting.planning import CutPlan, Strategy
-from drivers.preview.preview import preview
-from profiles.problem import ProblemError
-from profiles.rules import refusals
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -34,6 +25,16 @@ def main(options: Namespace, text: Catalogue) -> int:
     Raises:
         ProblemError: what cannot be read, or cannot be inverted at this speed; `response.of_another`.
     """
+    from console.cli.library import job_of, judged_of
+    from console.cli.output import print_json, tell
+    from console.cli.part.preview_fields import preview_fields
+    from console.cli.part.preview_lines import preview_lines
+    from console.session.data.identified import response_in
+    from drivers.cutting.planning import Strategy
+    from drivers.preview.preview import preview
+    from profiles.problem import ProblemError
+    from profiles.rules import refusals
+
     job, judged = job_of(options).job, judged_of(options)
     machine = judged.machine
     strategy = Strategy(options.strategy)
@@ -45,8 +46,6 @@ def main(options: Namespace, text: Catalogue) -> int:
         print_json({**preview_fields(seen, text), "calibrations": judged.used, "warnings": warnings})
     else:
         print("\n".join(preview_lines(seen, text)))
-    return 1 if refusals(seen.findings) or _refused(seen.strategies[strategy]) else 0
-
-
-def _refused(plan: CutPlan | ProblemError) -> bool:
-    return isinstance(plan, ProblemError) or bool(refusals(plan.findings))
+    plan = seen.strategies[strategy]
+    refused = isinstance(plan, ProblemError) or refusals(plan.findings) or refusals(seen.findings)
+    return 1 if refused else 0

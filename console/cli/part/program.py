@@ -5,15 +5,8 @@ from __future__ import annotations
 from argparse import Namespace
 
 from console.cli.arguments import add_job, add_machine, add_strategy
-from console.cli.library import job_of, judged_of
-from console.cli.output import print_json, tell
 from console.cli.parser import Parser
-from console.session.cut.run import plan_run
 from console.text.catalogue import Catalogue
-from drivers.cutting.planning import CutPlan, Strategy
-from drivers.pmac.analysis.start import start_comment
-from drivers.pmac.axes import read_definitions
-from profiles.machine import MachineProfile
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -24,13 +17,26 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """Print the program; what the checker found goes to stderr."""
+    """Print the program below a comment that says where its motors start; findings go to stderr."""
+    from console.cli.library import job_of, judged_of
+    from console.cli.output import print_json, tell
+    from console.session.cut.run import plan_run
+    from drivers.cutting.planning import Strategy
+    from drivers.pmac.analysis.start import start_comment
+    from drivers.pmac.axes import read_definitions
+
     loaded, judged = job_of(options), judged_of(options)
     job, machine = loaded.job, judged.machine
     # Nothing is armed: what would be refused then is told here.
     plan = plan_run(job, machine, Strategy(options.strategy), options.ts, str(loaded.path), simulated=True)
     warnings = tell((*judged.warnings, *plan.warnings), text)
-    program = f"{_start_line(plan.cut, machine)}\n{plan.cut.text}"
+    counts = {
+        machine.tool.motor: plan.cut.tool_start,
+        machine.spindle.motor: plan.cut.spindle_start,
+        machine.carriage.motor: plan.cut.carriage_start,
+    }
+    start = start_comment(read_definitions(machine.controller.axis_definitions), counts)
+    program = f"{start}\n{plan.cut.text}"
     if options.json:
         print_json(
             {
@@ -48,13 +54,3 @@ def main(options: Namespace, text: Catalogue) -> int:
     else:
         print(program, end="")
     return 0
-
-
-def _start_line(cut: CutPlan, machine: MachineProfile) -> str:
-    """Return the comment that says where the driver puts the motors before it starts the program."""
-    counts = {
-        machine.tool.motor: cut.tool_start,
-        machine.spindle.motor: cut.spindle_start,
-        machine.carriage.motor: cut.carriage_start,
-    }
-    return start_comment(read_definitions(machine.controller.axis_definitions), counts)
