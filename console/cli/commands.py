@@ -2,7 +2,7 @@
 
 A command is a module with two functions: `add(parser, text)` adds its arguments, `main(options, text)` does the
 work and returns the exit code. Its help stands in the text catalogues as `help.NAME` and `help.NAME.long`. The
-module is imported when the command is called; it imports in `main` what is slow to load, as `--help` needs none of it.
+module is imported when the command is called; what is slow to load it imports in `main`; `--help` needs none.
 """
 
 from __future__ import annotations

@@ -26,12 +26,10 @@ if TYPE_CHECKING:
     from profiles.compensations.learned import ExpectedPart
     from profiles.compensations.path import CutPath
 
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from profiles.compensations.path import CutPath
-
 
 PROGRAMS_KEPT = 60
 """Those of a dozen jobs: what an operator steps back and forth between."""

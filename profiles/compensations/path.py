@@ -1,4 +1,4 @@
-"""From the lobe of a job to the motion of the tool: Eqs 4, 6 to 8, 10 and 11 for any number of jaws.
+"""From the lobe of a job to the motion of the tool, for any number of jaws; and a fraction of it for a first part.
 
 Angles are spindle angles in degrees. Motion and depth are in um, positive into the workpiece. Deviations of
 the released part are positive where it is high. The rule does not ask where the lobe comes from: the tool
@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
+
+PARTIAL_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,9 +214,6 @@ def chord_error(points: float) -> float:
     """
     scale = chord_scale(points)
     return max(scale - 1.0, 1.0 - scale * math.cos(math.pi / points))
-
-
-PARTIAL_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

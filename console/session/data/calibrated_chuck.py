@@ -40,6 +40,10 @@ OF_JAWS = ("jaw_stiffness_n_per_um", "jaw_contact_exponent", "jaw_length_mm")
 _FOUND = (*OF_WRENCH, *OF_JAWS)
 _FIELDS = {field.key: field for field in SECTIONS["chuck"]}
 
+Fit = TypeVar("Fit", WrenchFit, DeflectionFit)
+
+SLOPE, OFFSET = "force_per_torque_n_per_n_m", "force_offset_n"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedMachine(LoadedMachine):
@@ -188,11 +192,6 @@ def _line_variance(kept: Calibration, file: Path) -> tuple[float, float, float]:
 def _other_chuck(kept: Calibration, machine: MachineProfile) -> Problem:
     value, limit = f'"{printable(kept.chuck or "", 60)}"', f'"{machine.chuck.name}"'
     return Problem(code="calibration.other_chuck", where=kept.date, key="chuck.name", value=value, limit=limit)
-
-
-Fit = TypeVar("Fit", WrenchFit, DeflectionFit)
-
-SLOPE, OFFSET = "force_per_torque_n_per_n_m", "force_offset_n"
 
 
 def contradictions(kept: Calibration, stated: Mapping[str, float | None], file: Path) -> list[Problem]:

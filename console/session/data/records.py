@@ -1,4 +1,4 @@
-"""The run record: one SQLite file to which lines are only ever added, safe against a kill at any instant."""
+"""The run record: one SQLite file to which lines are only added, and what it says of earlier parts."""
 
 from __future__ import annotations
 
@@ -25,6 +25,15 @@ DRIVES_ON_PATIENCE_S = 5.0
 """The same where the drives may be on meanwhile."""
 
 GONE = "file gone"
+
+LOCK_TIMEOUT_S = 0.1
+"""How long a writer is waited for; a list of jobs is not worth more."""
+
+# By row, which is the order in which they were added: a clock may have been set back meanwhile.
+_QUERY = """
+SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
+WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
+"""
 
 
 class RunRecord:
@@ -119,16 +128,6 @@ def _text(data: Mapping[str, object]) -> str:
     shown = json.dumps(data, ensure_ascii=False)
     # A file name need not be text; escaped, it can be kept.
     return shown if shown.isprintable() else json.dumps(data)
-
-
-LOCK_TIMEOUT_S = 0.1
-"""How long a writer is waited for; a list of jobs is not worth more."""
-
-# By row, which is the order in which they were added: a clock may have been set back meanwhile.
-_QUERY = """
-SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
-WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
-"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

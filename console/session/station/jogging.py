@@ -15,18 +15,6 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-
-def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
-    """Return the counts of a millimetre, or of a degree of the spindle."""
-    match axis:
-        case AxisName.TOOL:
-            return machine.tool.counts_per_mm
-        case AxisName.CARRIAGE:
-            return machine.carriage.counts_per_mm
-        case AxisName.SPINDLE:
-            return machine.spindle.counts_per_rev / 360.0
-
-
 STEPS_MM = (0.001, 0.01, 0.1, 1.0, 10.0)
 STEPS_DEG = (0.01, 0.1, 1.0, 10.0, 30.0)
 """Two ladders with a choice each: what is chosen in one says nothing of the other."""
@@ -43,6 +31,23 @@ FEELING_STEP_MM = 0.01
 
 STEP_TOLERANCE_MM = 0.0005
 """By so much a step may be too long: what is shown with three decimals and what is allowed are the same."""
+
+CLEAR_MM = 0.2
+"""Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
+
+TOUCH_OFF_BAND_MM = 1.5
+"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
+
+
+def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
+    """Return the counts of a millimetre, or of a degree of the spindle."""
+    match axis:
+        case AxisName.TOOL:
+            return machine.tool.counts_per_mm
+        case AxisName.CARRIAGE:
+            return machine.carriage.counts_per_mm
+        case AxisName.SPINDLE:
+            return machine.spindle.counts_per_rev / 360.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,14 +162,6 @@ def _motor(machine: MachineProfile, axis: AxisName) -> int:
             return machine.spindle.motor
         case AxisName.CARRIAGE:
             return machine.carriage.motor
-
-
-CLEAR_MM = 0.2
-"""Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
-
-
-TOUCH_OFF_BAND_MM = 1.5
-"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
 
 
 def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:

@@ -17,6 +17,13 @@ from drivers.pmac.variables import VariableStore
 
 _RAMPED = ("LINEAR", "CIRCLE")
 
+_LEVELS = {
+    Code.STRETCHED: Level.WARNING,
+    Code.STRETCHED_BY_VELOCITY: Level.WARNING,
+    Code.STRETCHED_BY_ACCELERATION: Level.WARNING,
+    Code.TIME_BELOW_INTERRUPT: Level.WARNING,
+}
+
 
 def timing_findings(subject: Subject) -> list[Finding]:
     """Return the findings about times, alike ones of several lines as one."""
@@ -37,12 +44,18 @@ def timing_findings(subject: Subject) -> list[Finding]:
     ]
 
 
-_LEVELS = {
-    Code.STRETCHED: Level.WARNING,
-    Code.STRETCHED_BY_VELOCITY: Level.WARNING,
-    Code.STRETCHED_BY_ACCELERATION: Level.WARNING,
-    Code.TIME_BELOW_INTERRUPT: Level.WARNING,
-}
+def rounding_findings(subject: Subject, text: ProgramText) -> list[Finding]:
+    """Return a finding for each such word; an expression is taken with what its variables are at the end."""
+    findings = []
+    programs = {text.number: text.program, **text.subprograms}
+    for number, program in programs.items():
+        for line, statements in enumerate(program):
+            for word in (statement for statement in statements if isinstance(statement, Set)):
+                values = _rounded(subject, word)
+                if values:
+                    place = subject.place_of(number, line)
+                    findings.append(_finding(place, values))
+    return findings
 
 
 def _of_move(subject: Subject, move: MoveAnalysis) -> Iterator[tuple[Code, dict[str, Value]]]:
@@ -86,20 +99,6 @@ def _key(code: Code, values: dict[str, Value]) -> str:
 
 def _longer(one_ms: float, other_ms: float) -> bool:
     return one_ms > other_ms * (1.0 + 1e-9)
-
-
-def rounding_findings(subject: Subject, text: ProgramText) -> list[Finding]:
-    """Return a finding for each such word; an expression is taken with what its variables are at the end."""
-    findings = []
-    programs = {text.number: text.program, **text.subprograms}
-    for number, program in programs.items():
-        for line, statements in enumerate(program):
-            for word in (statement for statement in statements if isinstance(statement, Set)):
-                values = _rounded(subject, word)
-                if values:
-                    place = subject.place_of(number, line)
-                    findings.append(_finding(place, values))
-    return findings
 
 
 def _finding(place: int, values: dict[str, Value]) -> Finding:

@@ -18,18 +18,6 @@ from drivers.pmac.memory import WORD_BITS
 COUNT_PARTS = 32
 """The parts of a count that five bits of fraction tell apart."""
 
-
-def parts_of(counts: float) -> int:
-    """Return the whole 1/32 that a position in counts has reached."""
-    return int(counts * COUNT_PARTS // 1)
-
-
-def register_change(new: int, old: int) -> int:
-    """Return how far the register went, the shorter way round, 1/32 count."""
-    half = 1 << (WORD_BITS - 1)
-    return (new - old + half) % (1 << WORD_BITS) - half
-
-
 _ADDRESS, _ENABLE, _RATIO, _SCALE = 5, 6, 7, 8
 """Ix05 master address, Ix06 enable, Ix07 and Ix08 the teeth of the two gears."""
 
@@ -91,6 +79,17 @@ class Following:
         turned = register_change(master_parts, self.master_parts)
         increment = 0 if setup.mode is FollowingMode.OFF else setup.teeth * turned
         return replace(self, master_parts=master_parts, followed=self.followed + increment), increment
+
+
+def parts_of(counts: float) -> int:
+    """Return the whole 1/32 that a position in counts has reached."""
+    return int(counts * COUNT_PARTS // 1)
+
+
+def register_change(new: int, old: int) -> int:
+    """Return how far the register went, the shorter way round, 1/32 count."""
+    half = 1 << (WORD_BITS - 1)
+    return (new - old + half) % (1 << WORD_BITS) - half
 
 
 def in_counts(parts: int, setup: FollowingSetup) -> float:

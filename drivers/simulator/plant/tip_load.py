@@ -17,6 +17,12 @@ from profiles.materials import MATERIALS, Material, material_or_none
 ALUMINIUM = MATERIALS[0]
 """Wrought, not hardenable: what is cut where a job names a material of which nothing is known."""
 
+CELLS = 360
+"""Places round the part in which the surface is known."""
+
+STRIP_MM = 0.1
+"""Length along Z of a ring of such places. A ring counts as cut when the leading edge of the tool has left it."""
+
 
 def material_of(job: Job) -> Material:
     """Return what the part of a job really is."""
@@ -33,13 +39,6 @@ def cutting_force_n(
 def cutting_torque_n_m(job: Job) -> float:
     """Return the torque of the cut of a job."""
     return cutting_force_n(job.depth_of_cut_mm, job.feed_mm_per_rev, material_of(job)) * job.radius_mm / 1000.0
-
-
-CELLS = 360
-"""Places round the part in which the surface is known."""
-
-STRIP_MM = 0.1
-"""Length along Z of a ring of such places. A ring counts as cut when the leading edge of the tool has left it."""
 
 
 class Moving(Protocol):
