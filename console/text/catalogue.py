@@ -10,6 +10,8 @@ from pathlib import Path
 from profiles.problem import Problem
 
 LANGUAGES = ("en", "ko")
+"""Each is a folder beside this file, named as the environment names the language."""
+
 NAMES_A_KEY = ("key.", "value.", "schema.", "safety.not_signed", "safety.unknown", "safety.nobody_named")
 """Problems, by the beginning of their code, whose key is that of a file: it is written as in the file."""
 
@@ -96,5 +98,5 @@ def choose_language(arguments: Sequence[str], environment: Mapping[str, str]) ->
     for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
         value = environment.get(name, "")
         if value:
-            return "ko" if value.startswith("ko") else "en"
+            return next((each for each in LANGUAGES if value.startswith(each)), "en")
     return "en"

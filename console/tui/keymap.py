@@ -27,7 +27,7 @@ LISTS = 2
 
 
 class PageName(StrEnum):
-    """The pages in their order; the digit of a page is its place."""
+    """The pages in their order; the digit of a page is its place. `console.tui.pages.run` has the `RunPage`."""
 
     JOBS = "jobs"
     SETUP = "setup"
