@@ -2,6 +2,9 @@
 
 Data alone. The settings of the controller are carried as a mapping from variable name to value and are not
 interpreted here, except that a safety limit of 0 is refused because 0 switches that limit off.
+
+Who has signed for the safety devices is told with the machine that it was for: a signature for the simulator opens
+no real machine.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The keys of a machine profile with their limits, section by section, and the controller's settings."""
+"""The keys of a machine profile with their limits, section by section, and the controller's settings.
+
+A spindle on an inverter has keys of its own, and may not have others: the controller reads it and never moves it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Lines of text as values, set into columns by cells, and the panel that repaints only those that changed."""
+"""Lines of text as values, set into columns by cells, and the panel that repaints only those that changed.
+
+A line is pieces with tokens; a Hangul syllable is two cells.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Axis definitions: which motors move which axes, and how many counts make one user unit."""
+"""Axis definitions: which motors move which axes, and how many counts make one user unit.
+
+Which axis positions follow from motor positions is a small system of linear equations, solved motor by motor.
+"""
 
 from __future__ import annotations
 

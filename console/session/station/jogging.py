@@ -1,6 +1,8 @@
-"""Steps of a jog: how long they are, how far an axis runs on after a stop, and how near to the work they may go.
+"""Steps of a jog: how long they are, how far an axis goes on after a stop, and how near to the work they may go.
 
-Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees of the spindle.
+Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees of the spindle. Where the tool tip
+is against the blank follows from what the controller reports, the touch-off and the clamping, never from the job
+that happens to be on the screen: one rule for orders, pages and stops.
 """
 
 from __future__ import annotations

@@ -1,4 +1,11 @@
-"""Who controls the machine: one console of this computer at a time, and every change of control kept in a log."""
+"""Who controls the machine: one console of this computer at a time, and every change of control kept in a log.
+
+The kernel releases the lock when its process dies, so that a lock that can be taken says that whoever held it is
+gone; the number that it left tells whether the controller is still held by that console.
+
+What stands in the place of lock and log may have been put there by somebody else: nothing is opened through a
+symbolic link, and nothing is written to what is no plain file of this user alone.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Findings about times: what the controller makes of TA, TS, TM and F, and why."""
+"""Findings about times: what the controller makes of TA, TS, TM and F, and why; fractions of a ms among them."""
 
 from __future__ import annotations
 

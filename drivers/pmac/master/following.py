@@ -1,9 +1,12 @@
 """Position following: a motor follows a master by a ratio, Ix07 to Ix08, like a pair of gears.
 
-Each servo cycle the master's movement in 1/32 count, times Ix07, is added to a register of the motor in
-1/(Ix08 x 32) count: whole numbers, so that no remainder is ever lost. Ix07 may change while it runs; what was
-followed before stays. There is no ramp: following begins at the master's speed. Sources: PMAC User Manual,
-position processing, position following; PMAC and Turbo Software Reference, Ix05 to Ix08.
+Each servo cycle the master's movement in 1/32 count, times Ix07, is added to a register of the motor in 1/(Ix08 x
+32) count: whole numbers, so that no remainder is ever lost. Ix07 may change while it runs; what was followed
+before stays. There is no ramp: following begins at the master's speed.
+
+The master is a converted position, what the encoder conversion table makes of an encoder once each servo cycle: a
+register of 24 bits, five of them fraction, that rolls over. Sources: PMAC User Manual, position processing,
+position following, encoder conversion table; PMAC and Turbo Software Reference, Ix05 to Ix08; Turbo, I8000.
 """
 
 from __future__ import annotations

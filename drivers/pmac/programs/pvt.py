@@ -60,6 +60,12 @@ P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
 X(P20+P37*P36):(P38){y} Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 """
+"""The lines that lead the tool along the lobe, whether the spindle is an axis of the program or its clock.
+
+Four steps: the amplitude grows clear of the part, whole turns are cut, the path is faded into the retracted
+position, everything rests. `{y}` is what moves the spindle, empty where something else turns it; `{go_on}` is what
+has to hold for another turn.
+"""
 
 PROGRAM_NUMBER = 2
 

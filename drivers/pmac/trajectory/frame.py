@@ -1,6 +1,8 @@
 """From axes to motors: what the axis definitions and the I-variables say about the motors of a program.
 
-Every vector is in the order of the definitions.
+Every vector is in the order of the definitions. Rotary axes (A, B, C) roll over by Ix27: above 0, counts a turn, a
+motor goes the shorter way to an absolute position; below 0 the sign of the commanded position is the direction,
+and the move is less than a turn. Source: Software Reference, Ix27. Positions are counts of the motor.
 """
 
 from __future__ import annotations

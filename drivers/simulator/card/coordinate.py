@@ -1,4 +1,4 @@
-"""A coordinate system of the simulated controller: what a host tells it, and what it reports."""
+"""A coordinate system of the simulated controller: what a host tells it, what it reports, and when it may move."""
 
 from __future__ import annotations
 

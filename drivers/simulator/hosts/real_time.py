@@ -1,4 +1,9 @@
-"""Simulated time in step with real time, for the servers: how late it is, and whom it waits for."""
+"""Simulated time in step with real time, for the servers: how late it is, and whom it waits for.
+
+A screen and its simulator share one computer. Where that has too much to do, the screen is held up, and a real
+card would end what moves, as it must. Here the card waits, for a while, for the one host that it serves: longer
+silences are real ones.
+"""
 
 from __future__ import annotations
 

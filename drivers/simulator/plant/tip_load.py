@@ -2,6 +2,7 @@
 
 The force is that of the fresh strip, which the feed brings under the tool: its depth is from the surface that is
 met there, the blank or what an earlier pass has left, down to the tip. What the land rubs behind it is left out.
+What a cut asks of spindle and tool is the main force of the law by which it is predicted, at the true edge.
 """
 
 from __future__ import annotations
