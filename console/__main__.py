@@ -73,8 +73,8 @@ def _dispatch(words: list[str], text: Catalogue) -> int:
         parser.print_help()
         print(f"console: {text('usage.no_command', limit=' | '.join(COMMANDS))}", file=sys.stderr)
         return WRONG_USAGE
-    if key := contradiction(options):
-        parser.error(text(key))
+    if sentence := contradiction(options, text):
+        parser.error(sentence)
     modules = PLOTTED if getattr(options, "plot", False) else COMMANDS
     code: int = import_module(modules.get(options.command, SCREEN)).main(options, text)
     return code

@@ -10,11 +10,11 @@ from console.cli.parser import Parser
 from console.text.catalogue import LANGUAGES, Catalogue
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from drivers.cutting.strategy import Strategy
     from drivers.simulator.hosts.control_address import ControlAddress
 
-STRATEGIES = ("none", "paper", "pvt", "cam", "timebase")
-DEFAULT_STRATEGY = "pvt"
-IDENTIFIED = ("pvt", "cam", "timebase")
 STAGES = ("air", "partial", "full")
 TS_LIMIT_MS = 1000
 PLANTS = ("ideal", "mounted", "paper", "realistic")
@@ -27,12 +27,15 @@ BEFORE = argparse.SUPPRESS
 """The default of an option that may also stand before the command: not given after it, it stays as given there."""
 
 
-def contradiction(options: argparse.Namespace) -> str:
-    """Return the key of the sentence about options that exclude each other; "" where none do."""
+def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
+    """Return the sentence about options that exclude each other; "" where none do."""
     if options.sim and options.link:
-        return "usage.sim_with_link"
-    if getattr(options, "ts", None) is not None and options.strategy != "paper":
-        return "usage.ts_without_paper"
+        return text("usage.sim_with_link")
+    if getattr(options, "ts", None) is not None:
+        from drivers.cutting.strategy import TAKING_TS
+
+        if options.strategy not in TAKING_TS:
+            return text("usage.ts_without_paper", limit=" | ".join(TAKING_TS))
     return ""
 
 
@@ -82,9 +85,19 @@ def add_hardware(parser: Parser, text: Catalogue, absent: str | None = BEFORE) -
 
 
 def add_strategy(parser: Parser, text: Catalogue) -> None:
-    """Add the strategy that a program is made by, with the TS of the paper's."""
-    parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=text("help.strategy"))
+    """Add the strategy that a program is made by, with the TS of those that take one."""
+    from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
+
+    told = ", ".join(text(f"strategy.{each}.help") for each in Strategy)
+    strategy_help = text("help.strategy", default=DEFAULT_STRATEGY, strategies=told)
+    names = strategy_names(Strategy)
+    parser.add_argument("--strategy", choices=names, default=DEFAULT_STRATEGY.value, help=strategy_help)
     parser.add_argument("--ts", metavar="MS", type=milliseconds, help=text("help.ts"))
+
+
+def strategy_names(strategies: Iterable[Strategy]) -> tuple[str, ...]:
+    """Return the names that are offered."""
+    return tuple(each.value for each in strategies)
 
 
 def milliseconds(word: str) -> int:

@@ -21,7 +21,7 @@ COMMANDS = {
     "predict": "console.cli.part.predict",
     "program": "console.cli.part.program",
     "check-program": "console.cli.part.check_program",
-    "run": "console.cli.run",
+    "run": "console.cli.machine.run",
     "simulator": "console.cli.machine.simulator",
     "fault": "console.cli.machine.fault",
     "roundness": "console.cli.measured.roundness",

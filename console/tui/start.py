@@ -18,7 +18,7 @@ from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
 from console.session.signals import ENDING_SIGNALS
 from console.session.station.link_thread import LinkThread, Opened
-from console.session.station.reaching import address_of
+from console.session.station.whereabouts import address_of
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp

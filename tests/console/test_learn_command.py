@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from console.cli.commands import build
-from console.cli.run import learn_hint, tell_cut_with
-from console.cli.run_order import ordered
+from console.cli.machine.run_cut import learn_hint, tell_cut_with
+from console.cli.machine.run_order import ordered
 from console.session.data.made_parts import MadeWith, made_with
 from console.session.errors import SessionError
 from console.text.catalogue import load

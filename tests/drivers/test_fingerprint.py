@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
-from drivers.cutting.plan import Strategy
 from drivers.cutting.planning import plan_cut
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.pmac.program_load import load_program
 from profiles.machine import MachineProfile

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.errors import RefusedError
 from drivers.identification.cam_path import return_hz, wave_counts
 from drivers.identification.identify import identify, take_up

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from drivers.commissioning.reading import read_configuration, whole_card
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError, LinkError
 from drivers.identification.identify import identify
 from drivers.identification.request import CLEAR_MM, IdentificationRequest

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import (
-    DEFAULT_STRATEGY,
-    IDENTIFIED,
     add_hardware,
     add_link,
     add_machine,
     add_sim,
     number,
+    strategy_names,
     whole_number,
 )
 from console.cli.parser import Parser
@@ -24,6 +23,7 @@ from console.session.data.dates import utc_now
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
+from drivers.cutting.strategy import DEFAULT_STRATEGY, INVERTING, Strategy
 
 if TYPE_CHECKING:
     from console.cli.machine.identify_lines import Teller
@@ -43,8 +43,11 @@ def add(parser: Parser, text: Catalogue) -> None:
     add_sim(parser, text, "help.identify.sim")
     add_hardware(parser, text)
     add_link(parser, text)
-    strategy_help, frequencies_help = text("help.identify.strategy"), text("help.identify.frequencies")
-    parser.add_argument("--strategy", choices=IDENTIFIED, default=DEFAULT_STRATEGY, help=strategy_help)
+    told = ", ".join(text(f"strategy.{each}.path") for each in INVERTING)
+    names = strategy_names(INVERTING)
+    path_help = text("help.identify.strategy", default=DEFAULT_STRATEGY, strategies=told)
+    parser.add_argument("--strategy", choices=names, default=DEFAULT_STRATEGY.value, help=path_help)
+    frequencies_help = text("help.identify.frequencies")
     parser.add_argument("--frequencies", metavar="HZ,HZ", type=_frequencies, help=frequencies_help)
     parser.add_argument("--amplitude", metavar="UM", type=number, help=text("help.identify.amplitude"))
     parser.add_argument("--periods", metavar="N", type=whole_number, help=text("help.identify.periods"))
@@ -103,7 +106,6 @@ def _request(options: Namespace, machine: LoadedMachine) -> IdentificationReques
     Raises:
         SessionError: everything that forbids it; nothing was opened.
     """
-    from drivers.cutting.plan import Strategy
     from drivers.identification.request import (
         AMPLITUDE_UM,
         FREQUENCIES_HZ,
@@ -136,7 +138,8 @@ def _reached(
     """
     from console.cli.library import data_of
     from console.cli.machine.stopping import Stopping
-    from console.session.station.reaching import address_of, reach
+    from console.session.station.reaching import reach
+    from console.session.station.whereabouts import address_of
     from drivers.identification.rig import Rig
 
     if options.sim:

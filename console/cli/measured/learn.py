@@ -5,17 +5,18 @@ from __future__ import annotations
 from argparse import Namespace
 
 from console.cli.arguments import (
-    IDENTIFIED,
     STAGES,
     add_machine,
     add_sim,
     compensation,
     number,
+    strategy_names,
     whole_number,
     whole_numbers,
 )
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
+from drivers.cutting.strategy import INVERTING
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -28,7 +29,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     add_machine(parser, text)
     add_sim(parser, text, "help.learn.sim")
     parser.add_argument("--compensation", metavar="VERSION", type=compensation, help=text("help.learn.cut_with"))
-    parser.add_argument("--strategy", choices=IDENTIFIED, help=text("help.learn.strategy"))
+    parser.add_argument("--strategy", choices=strategy_names(INVERTING), help=text("help.learn.strategy"))
     parser.add_argument("--stage", choices=STAGES[1:], help=text("help.learn.stage"))
     parser.add_argument("--identified", metavar="FILE", help=text("help.learn.identified"))
     parser.add_argument("--gain", metavar="GAIN", type=number, help=text("help.learn.gain"))

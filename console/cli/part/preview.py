@@ -5,17 +5,18 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from console.cli.arguments import DEFAULT_STRATEGY, STRATEGIES, add_job, add_machine
+from console.cli.arguments import add_job, add_machine, strategy_names
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
+from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 
 
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the job, the machine, the strategy and the response that it inverts."""
     add_job(parser, text)
     add_machine(parser, text)
-    strategy_help = text("help.preview.strategy")
-    parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=strategy_help)
+    names, strategy_help = strategy_names(Strategy), text("help.preview.strategy", default=DEFAULT_STRATEGY)
+    parser.add_argument("--strategy", choices=names, default=DEFAULT_STRATEGY.value, help=strategy_help)
     parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
 
 
@@ -30,7 +31,6 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.part.preview_fields import preview_fields
     from console.cli.part.preview_lines import preview_lines
     from console.session.data.identified import response_in
-    from drivers.cutting.planning import Strategy
     from drivers.preview.preview import preview
     from profiles.problem import ProblemError
     from profiles.rules import refusals

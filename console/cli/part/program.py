@@ -21,7 +21,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.library import job_of, judged_of
     from console.cli.output import print_json, tell
     from console.session.cut.run import plan_run
-    from drivers.cutting.planning import Strategy
+    from drivers.cutting.strategy import Strategy
     from drivers.pmac.analysis.start import start_comment
     from drivers.pmac.axes import read_definitions
 

@@ -7,9 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from console.session.cut.context import CutContext
 from console.session.cut.interlocks import Interlock, refuse_unless
-from console.session.cut.sequence import Shop
-from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.session.station.commissioned import Commissioned
 from console.session.station.owning import Owning, take_lock
@@ -20,14 +19,14 @@ from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
-from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
+from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.base import Link
 from drivers.link.opening import open_link
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, ProblemError
+from profiles.problem import ProblemError
 from profiles.store import LoadedMachine
 
 
@@ -128,8 +127,8 @@ def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) 
     )
 
 
-def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
-    """Return the shop of a reached machine: of iron, the operator clamps and measures."""
+def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
+    """Return a reached machine for one cut; on a real one the operator clamps and measures."""
     lathe = reached.lathe
 
     def admit() -> None:
@@ -139,21 +138,12 @@ def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
         commissioned.take_fingerprint()
         refuse_unless(Interlock(name="commissioned", problems=commissioned.problems(lathe.snapshot())))
 
-    def judge() -> Interlock:
-        return Interlock(name="commissioned", problems=commissioned.problems(lathe.snapshot()))
-
-    simulated = reached.shop
-    if simulated is None:
-        return Shop(lathe=lathe, clamp=lambda _: None, measure=None, simulated=False, admit=admit, judge=judge)
-    return Shop(
+    return CutContext(
         lathe=lathe,
-        clamp=simulated.mount,
-        measure=simulated.measure,
-        simulated=True,
-        collisions=lambda: simulated.look().collisions,
-        turn=simulated.set_spindle if lathe.machine.spindle.followed else None,
+        workshop=reached.shop,
+        commissioned=commissioned.problems,
         admit=admit,
-        judge=judge,
+        sets_spindle=reached.simulated and lathe.machine.spindle.followed,
     )
 
 
@@ -184,18 +174,3 @@ def _switched_off(lathe: Lathe) -> bool:
     except ProblemError:
         return False
     return True
-
-
-def address_of(machine: MachineProfile, told: str | None, *, simulated: bool) -> LinkAddress:
-    """Return where the machine is: the simulated one, where somebody says, or where its profile does.
-
-    Raises:
-        SessionError: `session.no_machine`, nobody says.
-        LinkError: `link.bad_address`.
-    """
-    if simulated:
-        return SimulatedAddress()
-    address = told or machine.link
-    if not address:
-        raise SessionError(Problem(code="session.no_machine", where=machine.name, key="link"))
-    return parse_address(address)

@@ -1,115 +1,44 @@
-"""`console run`: a whole job, from the saved job to the measured part."""
+"""What `console run` says, prints and keeps around the cut that was ordered."""
 
 from __future__ import annotations
 
-import sys
-from argparse import ArgumentTypeError, Namespace
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from console.cli.agreement import agreed
-from console.cli.arguments import (
-    STAGES,
-    add_job,
-    add_link,
-    add_machine,
-    add_plant,
-    add_sim,
-    add_strategy,
-    compensation,
-    whole_number,
-)
-from console.cli.parser import Parser
-from console.session.signals import Interruption
-from console.text.catalogue import Catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from console.cli.run_order import RunOrder
-    from console.session.cut.sequence import Step
-
-
 import shlex
+import sys
+from argparse import Namespace
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from importlib.metadata import version
+from functools import partial
+from pathlib import Path
 from typing import TypeVar
 
+from console.cli.agreement import agreed
 from console.cli.clamping_lines import force_line
-from console.cli.run_order import RunOrder
-from console.session.cut.run import RunResult
+from console.cli.library import data_of
+from console.cli.machine.learning_fields import learning_fields
+from console.cli.machine.learning_lines import learning_lines
+from console.cli.machine.run_fields import run_fields
+from console.cli.machine.run_lines import run_lines
+from console.cli.machine.run_order import RunOrder
+from console.cli.machine.run_places import cut, cut_learning
+from console.cli.output import print_json
+from console.cli.output import tell as tell_problems
+from console.session.cut.engine import Step
+from console.session.cut.run import RunResult, TellPart
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
-from console.session.data.records import DRIVES_ON_PATIENCE_S, OPEN_PATIENCE_S, RunRecord
+from console.session.data.records import DRIVES_ON_PATIENCE_S, OPEN_PATIENCE_S, RunRecord, begin_record
 from console.session.errors import SessionError
-from console.session.stages import FOLLOWING, Stage
+from console.session.signals import Interruption
+from console.session.stages import Stage
+from console.text.catalogue import Catalogue
+from drivers.link.tracing import Tracing
 from profiles.traces import write_trace
 
-WRONG_USAGE = 2
-MOST_PARTS = 20
-"""Parts in a row that learn."""
+Result = TypeVar("Result")
 
 
-def add(parser: Parser, text: Catalogue) -> None:
-    """Add the job, the machine, simulated or real, how it is cut, and where its trace goes."""
-    add_job(parser, text)
-    add_machine(parser, text)
-    add_sim(parser, text, "help.sim")
-    add_link(parser, text)
-    add_strategy(parser, text)
-    add_plant(parser, text)
-    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
-    parser.add_argument("--learn", metavar="PARTS", type=_parts, help=text("help.run.learn"))
-    parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))
-    version_help = text("help.compensation")
-    parser.add_argument("--compensation", metavar="VERSION", type=compensation, default="none", help=version_help)
-    parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
-    parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
-
-
-def _parts(word: str) -> int:
-    parts = whole_number(word)
-    if not 1 <= parts <= MOST_PARTS:
-        raise ArgumentTypeError(Parser.text("usage.parts", value=word, limit=MOST_PARTS))
-    return parts
-
-
-def main(options: Namespace, text: Catalogue) -> int:
-    """Run a job, on a machine or simulated, and print what became of it.
-
-    The exit code is 1 when nobody agreed to move a machine, 2 for words that belong to a simulated one alone.
-
-    Raises:
-        ProblemError: a refusal before anything moved, or what ended the cut; the machine is at rest.
-    """
-    interruption = Interruption()
-    interruption.install()
-    from console.cli.library import plant_given
-
-    if plant_given(options) and not options.sim:
-        print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
-        return WRONG_USAGE
-    # Numerics take longer to load than the whole command line; the signals are already in hand.
-    from console.cli.library import data_of
-    from console.cli.output import tell
-    from console.cli.run_order import ordered
-    from console.session.data.killed_runs import killed_runs
-    from profiles.files import remove_all_left
-
-    order = ordered(options)
-    remove_all_left(data_of(options))
-    killed = killed_runs(data_of(options), order.machine.machine.name, simulated=order.simulated)
-    warnings = tell((*killed, *order.warnings), text)
-    if order.address is not None and not _agreed(options, order, text):
-        return 1
-    _cut(options, order, interruption, warnings, text)
-    return 0
-
-
-def _agreed(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
+def agreed_to(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
     """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
     machine, job = order.plan.machine, order.plan.job
     rests_on = text(
@@ -124,51 +53,37 @@ def _agreed(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
     return agreed(options, machine.name, order.simulated, text, "run")
 
 
-def _cut(
+def cut_ordered(
     options: Namespace, order: RunOrder, interruption: Interruption, warnings: list[str], text: Catalogue
 ) -> None:
     """Cut with a record and, where one is asked for, a trace, and print what became of it.
 
     What ended the trace is added to the warnings.
     """
-    from console.cli import learn_report, run_report
-    from console.cli.library import data_of
-    from console.cli.output import tell as tell_problems
-    from console.cli.run import begin_record, learn_hint, recorded, save_part, tell_cut_with
-    from console.cli.run_order import cut, cut_learning
-    from drivers.link.tracing import Tracing
-
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {order.job.job.name}")
     data, parts = data_of(options), order.parts
-    record = begin_record(data, order)
+    record = _record(data, order)
     tell_cut_with(options, order, text)
     tell = _teller(options, text, interruption, record.add, order)
     try:
         if parts is None:
             there = partial(cut, order, data, interruption, tracing, tell, text)
-            result = recorded(record, warnings, order, there, run_report.fields)
+            result = _recorded(record, warnings, order, there, run_fields)
         else:
-            learned = recorded(
-                record,
-                warnings,
-                order,
-                lambda: cut_learning(order, parts, interruption, tracing, tell),
-                learn_report.fields,
-            )
+            row = partial(cut_learning, order, parts, interruption, tracing, tell)
+            learned = _recorded(record, warnings, order, row, learning_fields)
     finally:
         warnings += tell_problems(tracing.problems, text)
     if parts is not None:
         warnings += tell_problems(learned.warnings, text)
-        _print(options, learn_report.fields(learned, warnings), learn_report.lines(learned, text))
+        _print(options, learning_fields(learned, warnings), learning_lines(learned, text))
         return
-    lines = [*run_report.lines(result, text), *learn_hint(options, order, text)]
-    _print(options, run_report.fields(result, warnings), lines)
-    save_part(order, result)
+    lines = [*run_lines(result, text), *learn_hint(options, order, text)]
+    _print(options, run_fields(result, warnings), lines)
+    _save_part(order, result)
 
 
 def _print(options: Namespace, fields: dict[str, object], lines: list[str]) -> None:
-    from console.cli.output import print_json
-
     if options.json:
         print_json(fields)
     else:
@@ -181,7 +96,7 @@ def _teller(
     interruption: Interruption,
     keep: Callable[[str, dict[str, object]], None],
     order: RunOrder,
-) -> Callable[[str, Step, str], None]:
+) -> TellPart:
     """Return what is told at each step: a line for people, an event for the record."""
     sim = f"{text('sim')}  " if order.simulated else ""
 
@@ -216,7 +131,7 @@ def tell_cut_with(options: Namespace, order: RunOrder, text: Catalogue) -> None:
     print("".join(f"{text('sim')}  {line}\n" if order.simulated else f"{line}\n" for line in lines), end="")
 
 
-def save_part(order: RunOrder, result: RunResult) -> None:
+def _save_part(order: RunOrder, result: RunResult) -> None:
     """Write the trace of the part where one was asked for, with header lines that say what it was cut with.
 
     Raises:
@@ -237,7 +152,7 @@ def save_part(order: RunOrder, result: RunResult) -> None:
 
 def learn_hint(options: Namespace, order: RunOrder, text: Catalogue) -> list[str]:
     """Return how to learn from the part; nothing of one in air, or by a strategy that follows no path."""
-    if order.plan.cut.strategy not in FOLLOWING or order.plan.stage is Stage.AIR:
+    if not order.plan.cut.strategy.traits.inverts or order.plan.stage is Stage.AIR:
         return []
     if order.simulated and order.part_file is None:
         return []
@@ -249,20 +164,25 @@ def learn_hint(options: Namespace, order: RunOrder, text: Catalogue) -> list[str
     return [text("run.learn_from_it", command=shlex.join(words))]
 
 
-Result = TypeVar("Result")
-
-
-def begin_record(data: Path, order: RunOrder) -> RunRecord:
-    """Begin the record of a run, in the data folder. On a lathe in this process no drive waits for other writers.
+def _record(data: Path, order: RunOrder) -> RunRecord:
+    """Begin the record of a run. On a lathe in this process no drive waits for other writers.
 
     Raises:
         SessionError: as `RunRecord`; nothing was started.
     """
-    patience_s = OPEN_PATIENCE_S if order.address is None else DRIVES_ON_PATIENCE_S
-    return RunRecord(data, _described(order), open_patience_s=OPEN_PATIENCE_S, patience_s=patience_s)
+    return begin_record(
+        data,
+        order.job.job.name,
+        order.job.sha256,
+        order.machine,
+        order.plan.cut,
+        simulated=order.simulated,
+        open_patience_s=OPEN_PATIENCE_S,
+        patience_s=OPEN_PATIENCE_S if order.address is None else DRIVES_ON_PATIENCE_S,
+    )
 
 
-def recorded(
+def _recorded(
     record: RunRecord,
     warnings: list[str],
     order: RunOrder,
@@ -286,17 +206,3 @@ def recorded(
     finally:
         record.close()
     return result
-
-
-def _described(order: RunOrder) -> dict[str, object]:
-    job, machine, plan = order.job, order.machine, order.plan
-    return {
-        "software": f"trilobe {version('trilobe')}",
-        "job": job.job.name,
-        "job_sha256": job.sha256,
-        "machine": machine.machine.name,
-        "machine_sha256": machine.sha256,
-        "simulated": int(order.simulated),
-        "strategy": plan.cut.strategy.value,
-        "program": plan.cut.text,
-    }
