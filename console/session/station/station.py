@@ -183,7 +183,7 @@ class Station:
             if not lathe.stop.given_up:
                 self._settle()
                 with suppress(ProblemError):
-                    lathe.put_back()
+                    lathe.program.put_back()
         if not lathe.stop.given_up:  # a machine that is left in doubt stays ours: whoever comes next looks at it
             place.owning.release()
         place.end_record()
