@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station import cutting
+from console.session.cut import planning
 from drivers.lathe import standstill
 from drivers.simulator.faults.catalogue import CATALOGUE
 from tests.matrix.cell import run_cell
@@ -33,7 +33,7 @@ PATIENCE_S = 20.0
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, and wait no longer than for that spindle."""
-    monkeypatch.setattr(cutting, "plan_cut", planned_once)
+    monkeypatch.setattr(planning, "plan_cut", planned_once)
     monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
 
 
