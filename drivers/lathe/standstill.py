@@ -152,4 +152,6 @@ class HomeSearch:
 def nearly_arrived(snapshot: Snapshot, axis: AxisName, band_counts: float) -> bool:
     """Whether an axis is commanded to rest, and lags by no more than a band."""
     state = snapshot.axis(axis)
-    return "desired_velocity_zero" in state.flags and abs(state.following_error) <= band_counts
+    # A jog of next to nothing never has a velocity, but until its time is over the controller starts no program.
+    resting = "desired_velocity_zero" in state.flags and "move_timer_active" not in state.flags
+    return resting and abs(state.following_error) <= band_counts

@@ -12,7 +12,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from console.session.cut.context import CutContext
-from console.session.cut.interlocks import SPEED_BAND, Interlock, at_speed, of_machine, refuse_unless
+from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, Interlock, at_speed, of_machine, refuse_unless
 from console.session.cut.planned_cut import PlannedCut, refuse_unless_held
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError
@@ -169,7 +169,7 @@ def _refuse_tables(lathe: Lathe) -> None:
 
 def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:
     """Bring every axis to its start: the tool out first, and in again last, beside the part."""
-    if lathe.snapshot().tool.position > plan.setup.retracted:
+    if lathe.snapshot().tool.position > plan.setup.retracted + START_BAND_COUNTS:
         lathe.retract(plan.setup.retracted)
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     if AxisName.SPINDLE in lathe.driven:
