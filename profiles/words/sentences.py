@@ -30,6 +30,10 @@ class _Facts(Protocol):
     def facts(self) -> str: ...
 
 
+SINGULAR = ".one"
+"""Ends the key of a singular, beside that of its plural; a language without singulars has none."""
+
+
 class Sentences:
     """The words of one language. A key that is missing shows itself: better an ugly line than none."""
 
@@ -37,8 +41,9 @@ class Sentences:
         self._entries = entries
 
     def __call__(self, key: str, /, **fields: object) -> str:
-        """Return the sentence of `key` with its fields filled in."""
-        entry = self._entries.get(key)
+        """Return the sentence of `key` with its fields filled in, in the singular if its field `count` is 1."""
+        entry = self._entries.get(key + SINGULAR) if fields.get("count") == 1 else None
+        entry = entry or self._entries.get(key)
         if entry is None:
             return " ".join([key, *(f"{name}={value}" for name, value in fields.items())])
         return entry.format(**fields)

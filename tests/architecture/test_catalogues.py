@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from profiles.words.sentences import SINGULAR
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("console", "drivers", "profiles")
 LANGUAGES = ("en", "ko")
@@ -43,6 +45,11 @@ def catalogue(language: str) -> dict[str, object]:
         assert not entries.keys() & fresh.keys(), path
         entries |= fresh
     return entries
+
+
+def plain_keys(language: str) -> set[str]:
+    """The keys of a language without its singulars, which Korean does not have."""
+    return {key for key in catalogue(language) if not key.endswith(SINGULAR)}
 
 
 def problems_of(language: str) -> set[str]:
@@ -91,8 +98,17 @@ def test_entries_are_plain_sentences(language: str) -> None:
 
 
 def test_both_languages_have_the_same_keys() -> None:
-    english, korean = (set(catalogue(language)) for language in LANGUAGES)
+    english, korean = (set(plain_keys(language)) for language in LANGUAGES)
     assert (sorted(english - korean), sorted(korean - english)) == ([], [])
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_singular_has_its_plural_with_a_count_and_asks_for_nothing_else(language: str) -> None:
+    entries = catalogue(language)
+    for key in entries.keys() - plain_keys(language):
+        plural = placeholders(str(entries.get(key.removesuffix(SINGULAR), "")))
+        assert ("count", "") in plural, key
+        assert set(placeholders(str(entries[key]))) <= set(plural), key
 
 
 def test_both_languages_use_the_same_placeholders() -> None:

@@ -54,7 +54,7 @@ def summary_line(checks: Iterable[Check], text: Catalogue) -> str:
         "card.summary",
         holds=severities.count(Severity.OK),
         failed=severities.count(Severity.REFUSAL),
-        warned=severities.count(Severity.WARNING),
+        count=severities.count(Severity.WARNING),
         noted=severities.count(Severity.NOTICE),
     )
 

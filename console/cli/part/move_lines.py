@@ -76,7 +76,7 @@ def _capped(moves: Sequence[Sequence[Row]]) -> tuple[list[Row], int]:
 
 
 def _left_out(rows: int, text: Catalogue) -> list[str]:
-    return [text("check.left_out", rows=rows)] if rows else []
+    return [text("check.left_out", count=rows)] if rows else []
 
 
 def _ways(checked: ProgramCheck, folded: Fold) -> Iterator[list[Row]]:
