@@ -153,7 +153,7 @@ def test_a_simulated_part_is_kept_for_practice_only(console: Console, tmp_path: 
 
 @pytest.mark.parametrize(
     ("language", "high", "low"),
-    [("en", "the clamped ring springs back", "gives way between"), ("ko", "물린 링의 탄성 복원", "벽의 처짐")],
+    [("en", "the clamped ring springs back", "deflects between"), ("ko", "물린 링의 탄성 복원", "벽의 처짐")],
 )
 def test_the_sign_at_the_jaws_names_the_mechanism(
     console: Console, tmp_path: Path, language: str, high: str, low: str

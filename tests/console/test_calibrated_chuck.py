@@ -251,14 +251,14 @@ def test_a_broken_calibration_is_refused_and_the_screen_opens_without(
     for words in (("predict", JOB.name), ("preview", JOB.name), ("run", JOB.name, "--sim"), ("program", JOB.name)):
         said = console(*words)
         assert (said.code, said.out) == (1, "")
-        assert str(file) in said.err and "take the file away" in said.err
+        assert str(file) in said.err and "remove the file" in said.err
     opened = calibrated_or_stated(LOADED, data)
     assert opened.machine == LATHE
     assert [problem.code for problem in opened.warnings] == ["calibration.not_used", code]
     assert opened.warnings[1].where == str(file)
     told = plain(finding_lines(check(JOB, opened.machine), catalogue("en"), 60, 30, warnings_of(opened)))
-    assert "take the file away" in " ".join(told.split())
-    assert "NO calibration of the chuck is used" in " ".join(told.split())
+    assert "remove the file" in " ".join(told.split())
+    assert "NO chuck calibration is used" in " ".join(told.split())
 
 
 def test_a_fit_that_contradicts_has_to_be_a_whole_one(console: Console, tmp_path: Path, data: Path) -> None:

@@ -158,7 +158,7 @@ def test_what_console_program_prints_has_no_fault(
     assert said.code == 0
     assert re.search(r"^Starts at X\d+ Y[\d.]+ Z169300, as line 1 says\.", said.out, re.MULTILINE)
     assert "✗" not in said.out
-    assert "further in than it was" not in said.out
+    assert "deeper than it started" not in said.out
 
 
 def test_the_printed_program_is_the_same_in_json(console: Console) -> None:
@@ -174,7 +174,7 @@ def test_the_start_is_told_and_may_be_given(console: Console, program: Callable[
     result = console("check-program", path, "--from", "X=1000,Y=-5", "--json").json
     assert result["start"] == {"source": "operator", "positions": {"X": 1000, "Y": -5, "Z": 0}}
     assert result["moves"][0]["motors"][0]["commanded_counts"] == 0
-    assert "All motors begin at home, 0 counts." in console("check-program", program(CLEAN)).out
+    assert "All motors start at home, 0 counts." in console("check-program", program(CLEAN)).out
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_the_start_is_told_and_may_be_given(console: Console, program: Callable[
         ("X", 2, "--from: 'X' is no position; write each axis once with a number"),
         ("X=1,X=2", 2, "--from: 'X=2' is no position"),
         ("X=1e5", 2, "--from: 'X=1e5' is no position"),
-        ("U=5", 1, "no motor serves the axis U where the program is to start; axes here: X, Y, Z"),
+        ("U=5", 1, "no motor drives the axis U of the start position; axes here: X, Y, Z"),
         ("X=99999999999", 1, "the program cannot start with motor #1 at 99999999999 counts"),
     ],
 )
@@ -204,7 +204,7 @@ def test_a_long_text_has_its_findings_first_and_some_rows(console: Console, prog
     title = next(number for number, row in enumerate(rows) if row.startswith("line  "))
     finding = next(number for number, row in enumerate(rows) if row.startswith("!"))
     assert finding < title
-    assert [row for row in rows if "more rows" in row] == ["... 160 more rows; --json has every move"] * 2
+    assert [row for row in rows if "more rows" in row] == ["... 160 more rows; --json lists every move"] * 2
     assert len(rows) < title + 90
     assert len(console("check-program", path, "--json").json["moves"]) == 100
 
@@ -221,7 +221,7 @@ def test_the_passes_of_an_endless_loop_are_those_that_are_made(console: Console,
     """Each pass executes line 21 once."""
     moves = console("check-program", str(printed), "--json").json["moves"]
     passes = sum(move["line"] == 21 for move in moves)
-    assert f"left after {passes} passes" in " ".join(console("check-program", str(printed)).out.split())
+    assert f"ended it after {passes} passes" in " ".join(console("check-program", str(printed)).out.split())
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])

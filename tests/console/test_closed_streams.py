@@ -36,12 +36,12 @@ def test_a_closed_stream_changes_nothing_else(closed: str) -> None:
 def test_a_full_disk_is_one_line(words: str, unbuffered: bool) -> None:
     done = shell(f"{words} >{FULL}", unbuffered=unbuffered)
     assert done.returncode == 1
-    assert done.stderr == "console: the output cannot be written (No space left on device)\n"
+    assert done.stderr == "console: cannot write the output (No space left on device)\n"
 
 
 def test_an_output_that_only_reads_is_one_line() -> None:
     done = shell("jobs 1<&0 0</dev/null 1<&0")
-    assert (done.returncode, done.stderr) == (1, "console: the output cannot be written (Bad file descriptor)\n")
+    assert (done.returncode, done.stderr) == (1, "console: cannot write the output (Bad file descriptor)\n")
 
 
 @needs_full
@@ -71,7 +71,7 @@ sys.exit(main(["jobs"]))
     )
     assert done.returncode == 1
     assert done.stdout == ""
-    assert done.stderr == "console: ended by SIGINT; this command was not moving anything\n"
+    assert done.stderr == "console: ended by SIGINT; this command was moving nothing\n"
 
 
 def test_the_entry_point_imports_nothing_of_the_project() -> None:

@@ -103,16 +103,16 @@ def test_doctor_says_what_would_help(console: Console, card: Commissioned) -> No
     card.tell("I115=0.25")
     flat = " ".join(console("doctor").out.split())
     assert (
-        "✗ deceleration after a stop of the tool (I115) is 0.25 counts/ms2 (50 mm/s2): at the speed of the lobe"
-        " the tool runs on after a stop; wanted 40 counts/ms2 (8000 mm/s2); set it at the card with the drives"
+        "✗ deceleration after a stop of the tool (I115) is 0.25 counts/ms2 (50 mm/s2): the tool stops too slowly"
+        " from lobe speed; expected 40 counts/ms2 (8000 mm/s2); set it at the controller with the drives"
         " killed: the console never writes limits"
     ) in flat
 
 
 WHO_CHECKS = {
     "network": ("network_checksums", "holds", "the network checks its packets"),
-    "controller": ("line_checksums", "holds", "the controller says what it has received"),
-    "nobody": ("line_checksums", "warned", "found by its motion alone"),
+    "controller": ("line_checksums", "holds", "the controller reports what it received"),
+    "nobody": ("line_checksums", "warned", "shows only as wrong motion"),
 }
 
 

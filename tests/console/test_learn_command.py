@@ -106,7 +106,7 @@ def learned(console: Console, ring: str, tmp_path: Path) -> str:
     path = tmp_path / "square.csv"
     path.write_text("\n".join([*(f"# {line}" for line in (*head, *cut)), "angle_deg,deviation_um", *rows]))
     said = console("learn", str(path), "--job", ring, "--keep")
-    assert said.code == 0 and "kept as version 1" in said.out
+    assert said.code == 0 and "stored as version 1" in said.out
     return str(path)
 
 
@@ -199,7 +199,7 @@ def test_on_a_machine_the_last_line_says_how_to_learn(
     options = build(text).parse_args(words)
     order = ordered(options)
     tell_cut_with(options, order, text)
-    assert capsys.readouterr().out == "pvt, whole compensation: from the job alone, nothing learned\n"
+    assert capsys.readouterr().out == "pvt, full compensation: from the job alone, nothing learned\n"
     assert learn_hint(options, order, text) == [
         f"To learn from it: console learn FILE.csv --job {ring} --machine {machine}"
     ]
@@ -211,6 +211,6 @@ def test_what_was_learned_on_a_simulated_lathe_is_not_for_iron(
     machine = str(signed_copy("lee-2001-lathe", tmp_path / "signed"))
     there = ("--machine", machine, "--link", "tcp:127.0.0.1:1", "--strategy", "cam", "--yes")
     said = console("run", ring, *there, "--compensation", "newest")
-    assert said.code == 1 and "nothing was learned" in said.err
+    assert said.code == 1 and "nothing has been learned" in said.err
     said = console("run", ring, *there, "--part", "x.csv")
-    assert said.code == 1 and "nobody measures the part here" in said.err
+    assert said.code == 1 and "the part is not measured here" in said.err

@@ -39,7 +39,7 @@ def test_a_lobe_that_was_measured_in_aluminium_is_not_called_measured_in_steel(
     path = str(job_file(material='"steel"'))
     said = console("preview", path)
     assert words in said.out
-    (line,) = [line for line in said.out.splitlines() if "cut as calibrated" in line]
+    (line,) = [line for line in said.out.splitlines() if "cutting conditions as calibrated" in line]
     assert line.startswith("!") and line.split()[-2:] == ["steel", "Al"]
     assert console("preview", path, "--json").json["lobe_error_source"] == "other_cut"
     refused = console("run", path, "--sim")

@@ -57,11 +57,11 @@ def test_what_tells_nothing_of_the_paper_is_marked_and_counted_apart(console_wit
     rows = {
         line.split("  ")[0]: line.split()[-1] for line in said.splitlines() if line.startswith(("Fig", "Table"))
     }
-    assert rows["Fig 4: waves of the deflection in a turn"] == "≡"
+    assert rows["Fig 4: undulations of the deflection per revolution"] == "≡"
     assert rows["Fig 5a: variation of 35 mm over that of 68 mm"] == "✗"
     assert rows["Table 5: amplitude error, 50 Hz, fitted loop"] == "(✓)"
     assert rows["Table 5: phase error, 10 Hz, fitted loop"] == "(✗)"
-    counted = next(line for line in said.splitlines() if "Counted apart" in line)
+    counted = next(line for line in said.splitlines() if "Counted separately" in line)
     # The rows of docs/paper.md, counted: 29 ✓ of 56 that could have come out otherwise, 16 ≡, 8 in brackets.
     assert [int(word) for word in counted.replace(".", " ").split() if word.isdigit()] == [29, 56, 16, 8]
     found = console_without_numerics("reproduce", "--quick", "--json").json

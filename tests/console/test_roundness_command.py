@@ -174,7 +174,7 @@ def test_the_size_says_how_far_the_tool_has_to_go_on(console: Console, tmp_path:
     assert listed["mean_diameter_mm"] == pytest.approx(51.406)
     too_large_um = 1000 * (51.406 - (job.diameter_mm - 2 * job.depth_of_cut_mm))
     assert listed["tool_offset_um"] == pytest.approx(too_large_um / 2)
-    assert "into the work" in console(*words).out
+    assert "into the part" in console(*words).out
     relative = console(
         "roundness", str(lobed(tmp_path, "# radius_mm: 25.7", "# size: relative")), *words[2:], "--json"
     )

@@ -213,7 +213,7 @@ def test_the_screens_of_a_silent_machine_end_in_time_behind_a_signal(
     monkeypatch.setattr(ending, "ignore", lambda: None)
     start._leave(cast("Any", Never()), ending, load("en"))
     assert 5.0 < now[0] - 1000.0 < 10.0
-    assert "use the emergency stop" in capsys.readouterr().err
+    assert "press the emergency stop" in capsys.readouterr().err
     now[0], ending.came_s = 1000.0, float("inf")
     start._leave(cast("Any", Never()), ending, load("en"))
     assert now[0] - 1000.0 > COAST_TIMEOUT_S, "who quits in peace waits until a spindle has run out"

@@ -164,7 +164,7 @@ def ended_at_a_turn(err: str) -> bool:
 @pytest.mark.parametrize(
     ("line", "by_whom"),
     [
-        ("M26=1\r", "another host asked the program to end (M26)"),
+        ("M26=1\r", "another host requested the end of the program (M26)"),
         ("&1A\r", "at the controller or by another host"),
     ],
 )
@@ -228,11 +228,11 @@ def test_a_cut_that_another_console_stops_is_told_with_its_number(shed: Shed, tm
     ]
     shed.sees(lambda: shed.card.lathe.controller.motors[TOOL].home_complete)
     with Terminal([sys.executable, "-m", "console", *words], columns=100, rows=30) as screen:
-        screen.wait_for("Looking on", ENDS_WITHIN_S)
+        screen.wait_for("Observing", ENDS_WITHIN_S)
         shed.sees(shed.in_the_part)
         screen.press("space")
         err = is_not_called_good(shed)
-    assert re.search(r"console \d+, which looks on, stopped the cut", err) and ended_at_a_turn(err)
+    assert re.search(r"console \d+, which is observing, stopped the cut", err) and ended_at_a_turn(err)
     assert shed.deepest_um > DEEPEST_UM
 
 

@@ -142,7 +142,7 @@ def test_a_machine_that_is_gone_is_told_at_once_and_can_be_left(tmp_path: Path) 
         terminal.wait_for("Set-up: lee-2001", 2.0)
         terminal.press("ctrl+q")
         assert terminal.wait_exit(3.0) == 1
-        assert "it is not proven that the machine rests" in terminal.text
+        assert "standstill is not confirmed" in terminal.text
         terminal.wait_alone(2.0)
 
 

@@ -27,7 +27,7 @@ REST_S = 3.0
 PENDING = ("\x1b", "\x1bd", "u", "\x1b[1 ")
 """Ends of what may go on, so that it is known only after a while what was said."""
 
-NO_KEY = "something that is no key"
+NO_KEY = "unreadable input"
 PASTE = "\x1b[200~G0 X-10\r\x1b[201~"
 SUPPORT_REPLY, RELEASE, ARROW_RELEASE = "\x1b[?27u", "\x1b[97;1:3u", "\x1b[1;1:3A"
 
@@ -63,8 +63,8 @@ def is_stopped_by(trainee: Trainee, reason: str) -> None:
 def homes_again(trainee: Trainee) -> None:
     """Start the home search on the page Align, with the drives on once more where the stop switched them off."""
     trainee.press("4")
-    trainee.terminal.wait_for("F4 (homes|switches the drives on)", 5.0)
-    if "F4 switches the drives on" in trainee.terminal.text:
+    trainee.terminal.wait_for("F4 (homes|enables the drives)", 5.0)
+    if "F4 enables the drives" in trainee.terminal.text:
         trainee.does_step("align_page.next.home")
     trainee.starts_homing()
 
@@ -80,7 +80,7 @@ def test_a_stop_key_stops_on_every_page(once_started: Trainee) -> None:
         ("1", "space", "Space"),
         ("2", "escape", "Esc"),
         ("3", "f12", "F12"),
-        ("4", "f9", "F9, drives off"),
+        ("4", "f9", "F9, drives disabled"),
         ("5", "space", "Space"),
         ("6", "f12", "F12"),
     ):
@@ -93,11 +93,11 @@ def test_a_stop_key_stops_on_every_page(once_started: Trainee) -> None:
     "typed",
     [
         {
-            "x": "x means nothing here",
-            "\x1bd": "alt+d means nothing here",
-            PASTE: "something pasted",
-            KEYS["f11"]: "F11 means nothing here",
-            KEYS["ctrl+t"]: "ctrl+t means nothing here",
+            "x": "unassigned key x",
+            "\x1bd": "unassigned key alt+d",
+            PASTE: "pasted text",
+            KEYS["f11"]: "unassigned key F11",
+            KEYS["ctrl+t"]: "unassigned key ctrl+t",
             KEYS["left"]: "← pressed in motion",
         },
         dict.fromkeys((SUPPORT_REPLY, RELEASE, ARROW_RELEASE, "\x1b[99999999999u"), NO_KEY),
@@ -117,14 +117,14 @@ def test_bytes_that_are_no_text_stop_what_moves(once_started: Trainee) -> None:
     trainee = once_started
     homes_again(trainee)
     os.write(trainee.terminal._master, b"\xff\xfe")
-    is_stopped_by(trainee, "\ufffd means nothing here")
+    is_stopped_by(trainee, "unassigned key \ufffd")
 
 
 def test_a_paste_whose_end_is_lost_stops_and_does_not_keep_the_keys(once_started: Trainee) -> None:
     trainee = once_started
     homes_again(trainee)
     trainee.terminal.type("\x1b[200~G0 X-10")
-    is_stopped_by(trainee, "something pasted")
+    is_stopped_by(trainee, "pasted text")
     homes_again(trainee)
     trainee.press("space")
     is_stopped_by(trainee, "Space")
@@ -132,7 +132,7 @@ def test_a_paste_whose_end_is_lost_stops_and_does_not_keep_the_keys(once_started
 
 def test_with_the_help_open_a_key_stops_as_well(once_started: Trainee) -> None:
     trainee = once_started
-    for key, reason in (("space", "Space"), ("escape", "Esc"), ("x", "x means nothing here")):
+    for key, reason in (("space", "Space"), ("escape", "Esc"), ("x", "unassigned key x")):
         homes_again(trainee)
         trainee.press("?")
         trainee.sees("key_help.align.enable", 2.0)
@@ -194,7 +194,7 @@ def test_a_stop_while_it_connects_is_in_force_when_the_machine_is_there(tmp_path
         trainee.press("enter")
         goes_to(trainee, "4", "Steps")
         trainee.press("f4")
-        terminal.wait_for("a stop is in force", 2.0)
+        terminal.wait_for("the machine was stopped", 2.0)
         trainee.sees("align_page.drives_off", 2.0)
         trainee.press("f2")
         trainee.sees("activity.ready", 5.0)

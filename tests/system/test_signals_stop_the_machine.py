@@ -61,7 +61,7 @@ def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
     assert number.name in first
     assert "at rest" in first
     # A second line where the tool had come to the part by then.
-    assert all("tool still stands" in line for line in others)
+    assert all("tool is still" in line for line in others)
     kind, content = last_event(tmp_path)
     assert kind == "ended"
     assert number.name in content

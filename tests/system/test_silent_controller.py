@@ -41,13 +41,13 @@ def test_it_is_said_at_once_what_is_tried_and_a_sigterm_ends_it_in_time(tmp_path
             assert "stopping" in said[-1]
             assert time.monotonic() - silent_s < AT_ONCE_S
             said.append(process.stderr.readline())
-            assert "not proven at rest" in said[-1] and "no answer for" in said[-1]
+            assert "standstill not confirmed" in said[-1] and "no answer for" in said[-1]
             process.send_signal(signal.SIGTERM)
             came_s, count = time.monotonic(), stops(card)
             seconds = 0
             for line in process.stderr:
                 said.append(line)
-                seconds += "not proven at rest" in line
+                seconds += "standstill not confirmed" in line
             process.wait()
             took_s = time.monotonic() - came_s
             assert took_s < SUPERVISOR_S
@@ -55,4 +55,4 @@ def test_it_is_said_at_once_what_is_tried_and_a_sigterm_ends_it_in_time(tmp_path
             assert seconds >= 4, "each second"
             assert stops(card) - count > 3.0 * took_s, "the stop goes on being sent"
             assert process.stdout is not None and process.stdout.read() == ""
-            assert "use the emergency stop" in said[-1]
+            assert "press the emergency stop" in said[-1]

@@ -96,7 +96,7 @@ def test_what_was_accepted_is_used_after_a_restart_and_after_another_job(tmp_pat
 
 @pytest.mark.parametrize(
     ("spoil", "code", "told"),
-    [(False, "learned.job_changed", "revision eeeeee"), (True, "learned.file", "no learned compensation")],
+    [(False, "learned.job_changed", "revision eeeeee"), (True, "learned.file", "not a learned compensation")],
 )
 def test_what_does_not_hold_any_more_is_not_used_and_that_is_said(
     spoil: bool, code: str, told: str, tmp_path: Path
@@ -115,7 +115,7 @@ def test_what_does_not_hold_any_more_is_not_used_and_that_is_said(
     (work,) = opened
     ready = shown_on(RunPage, run_stage.state(), work=work)
     assert work.compensation is None
-    assert "! compensation and stage hold" in ready.text and told in ready.words
+    assert "! compensation and stage fit" in ready.text and told in ready.words
     assert "F5 arms" in ready.next_step
 
 

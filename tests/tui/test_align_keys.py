@@ -114,8 +114,8 @@ def test_without_a_job_only_what_needs_none() -> None:
     assert shown(idle, "align.step", no_job=True).orders == [SwitchOn()]
     page = shown(state(), "align.take", "align.step", "align.enable", "align.in", no_job=True)
     assert page.orders == [Jog(axis=AxisName.TOOL, distance=0.01)]
-    assert page.next_step == "Open a job first: 1."
-    assert "jogging too, after homing" in words_of(shown(state(), size=(160, 48), no_job=True).text)
+    assert page.next_step == "No job is open: press 1."
+    assert "so does jogging, once homed" in words_of(shown(state(), size=(160, 48), no_job=True).text)
     assert shown(state(), "align.take", no_job=True).said == ["screen.nothing_to_align"]
 
 
@@ -125,7 +125,7 @@ def test_when_all_is_valid_enter_takes_nothing_and_b_goes_back() -> None:
     assert turned.said == ["screen.aligned"]
     back = shown(state(VALID, seen=NEAR), "align.back")
     assert (back.orders, back.said) == ([Forget()], [])
-    assert "b takes" in back.next_step
+    assert "b redoes" in back.next_step
     assert shown(state(replace(VALID, touch_off=None)), "align.back").orders == [Forget()]
 
 
@@ -186,7 +186,7 @@ def test_the_tool_in_the_clamped_part_is_in_it_whatever_job_is_open() -> None:
     clamp = shown(state(OTHER, snapshot=off), "align.take")
     assert (clamp.orders, clamp.said) == ([], ["machine.tool_in_part"])
     assert "in or at the part" in clamp.next_step
-    assert "hands out; F4: drives on" in words_of(clamp.text)
+    assert "hands out; F4 enables the drives" in words_of(clamp.text)
     # It can be jogged out only with its drive on.
     assert shown(state(OTHER, snapshot=off), "align.step").orders == [SwitchOn()]
     on = shown(state(OTHER, snapshot=IN_PART), "align.step")
@@ -267,21 +267,21 @@ def test_the_step_after_jaw_1_is_about_the_tool_again() -> None:
 def test_nothing_jogs_before_it_is_enabled() -> None:
     page = shown(state(), "align.in")
     assert (page.orders, page.said) == ([], ["screen.jog_not_enabled"])
-    assert "jog off" in page.text
+    assert "jog disabled" in page.text
 
 
 def test_the_jog_ends_by_idleness_and_with_the_page() -> None:
     assert "jog enabled, 30 s left" in shown(state(), "align.enable").text
     assert "jog enabled, 12 s left" in shown(state(), "align.enable", then_s=18.5).text
-    assert "jog off" in shown(state(), "align.enable", then_s=30.0).text
-    assert "jog off" in shown(state(), "align.enable", leave=True).text
+    assert "jog disabled" in shown(state(), "align.enable", then_s=30.0).text
+    assert "jog disabled" in shown(state(), "align.enable", leave=True).text
 
 
 @pytest.mark.parametrize("changes", [{"stop": STOPPED}, {"stops": 1}, {"activity": Activity.LOST}])
 def test_the_jog_ends_with_a_stop_and_does_not_come_back(changes: dict[str, Any]) -> None:
     """With the first two: while it is in force, and after F2, where the page was not seen meanwhile."""
     page = shown(state(), "align.enable", then=state(**changes))
-    assert "jog off" in page.text
+    assert "jog disabled" in page.text
     assert "jog enabled" in shown(state(), "align.enable", then=state()).text
 
 

@@ -112,7 +112,7 @@ def test_the_touch_off_moves_the_radius() -> None:
 
 
 def test_old_values_say_their_age() -> None:
-    assert "STALE: last look 3 s ago" in shown(state(snapshot=replace(look(), asked_s=97.0))).text
+    assert "STALE: last poll 3 s ago" in shown(state(snapshot=replace(look(), asked_s=97.0))).text
     assert "STALE" not in shown(state()).text
 
 
@@ -128,7 +128,7 @@ def test_steps_have_marks_and_the_present_one_says_how() -> None:
     assert "✓ 4 homed" in text
     assert "● 5 jaw 1" in text
     assert "○ 6 tool" in text
-    assert "until jaw 1 meets the mark" in text
+    assert "until jaw 1 is at the mark" in text
 
 
 def test_a_valid_alignment_names_what_it_rests_on() -> None:
@@ -158,7 +158,7 @@ def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: 
 def test_what_is_seen_is_told_as_simulated() -> None:
     text = shown(state()).text
     assert "SIM jaw 1 is 12.34° past the mark" in text
-    assert "SIM gap tool to part 0.250 mm" in text
+    assert "SIM gap from tool to part 0.250 mm" in text
     touching = shown(state(seen=ShopView(jaw_1_past_mark_deg=-0.5, tool_gap_mm=-0.002))).text
     assert "0.50° before the mark" in touching
     assert "touches, 0.002 mm deep" in touching
@@ -182,11 +182,11 @@ def test_the_clamping_names_blank_and_force_and_why() -> None:
     text = " ".join(shown(state(Alignment(settings=()), snapshot=look(OFF)), size=(160, 48)).text.split())
     assert "D 52.000 mm" in text
     assert "1314 N total" in text
-    assert "its 55.0 um lobe" in text
+    assert "the 55.0 um lobe" in text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(("past_deg", "phrase"), [(0.4, "in phase"), (12.34, "all stamps taken")])
+@pytest.mark.parametrize(("past_deg", "phrase"), [(0.4, "in phase"), (12.34, "all readings taken")])
 def test_in_phase_is_claimed_only_where_jaw_1_was_taken_at_the_mark(
     past_deg: float, phrase: str, language: str
 ) -> None:
@@ -226,7 +226,7 @@ def test_no_advice_for_hands_while_something_may_move(changes: dict[str, Any], p
 def test_after_a_proven_stop_the_advice_is_to_go_on() -> None:
     stop = replace(STOPPING, rest_s=99.95)
     page = shown(state(Alignment(settings=(), clamping=CLAMPED), activity=Activity.STOPPED, stop=stop))
-    assert "F2 goes on" in page.text
+    assert "F2 resets" in page.text
     assert "Hands" not in page.text
 
 
@@ -235,9 +235,9 @@ def test_of_a_lost_machine_nothing_is_shown_as_known() -> None:
     page = shown(state(VALID, activity=Activity.LOST, snapshot=moving), size=(100, 30))
     assert "STALE" in page.text
     assert "MOVING" not in page.text
-    assert "? 3 drives on" in page.text
+    assert "? 3 drives enabled" in page.text
     assert "? 4 homed" in page.text
-    assert "Alignment: not known" in page.text
+    assert "Alignment: unknown" in page.text
     assert "R 26.5000 mm 0.6 um ? ?" in " ".join(page.text.split())
     assert "SIM jaw" not in page.text
 

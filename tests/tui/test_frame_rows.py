@@ -92,7 +92,7 @@ def test_the_open_job_stands_beside_the_pages(page: PageName, language: str) -> 
 
 def test_an_old_look_says_how_old_it_is() -> None:
     assert "link ≤ 5 ms" in plain(state_row(frame(), 80))
-    assert "OLD, 3 s" in plain(state_row(frame(now_s=13.0), 80))
+    assert "STALE, 3 s" in plain(state_row(frame(now_s=13.0), 80))
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])

@@ -94,9 +94,9 @@ def harmonics(state: StationState, height: int = 20) -> list[str]:
 
 def test_a_machine_without_a_gauge_is_not_said_to_measure() -> None:
     bare = StationState(cut_done=True)
-    assert "takes its trace" in shown(bare)
+    assert "measures it" in shown(bare)
     outside = shown(replace(bare, simulated=False))
-    assert "takes its trace" not in outside and "no gauge" in outside
+    assert "measures it" not in outside and "no gauge" in outside
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -191,7 +191,7 @@ def test_without_a_measured_part_before_it_is_the_job_that_speaks() -> None:
     assert harmonics(state)[1].split()[-2:] == ["55.00", "28.00"]
     assert harmonics(state)[4].split()[-2:] == ["–", "-10.0°"]
     for room in ROOMS:
-        assert "- - from the job, not measured here" in shown(state, room)
+        assert "- - from the job, not measured" in shown(state, room)
 
 
 def test_a_part_of_another_job_is_no_before() -> None:
@@ -226,7 +226,7 @@ def test_what_is_drawn_is_centred_filtered_and_said_to_be() -> None:
     assert seen.after is not None
     assert float(np.ptp(seen.after.profile_um)) == pytest.approx(2.0, abs=0.02)
     assert "free · LSC · 1-50 UPR" in shown(StationState(measured=filtered))
-    assert "free · LSC · not filtered" in shown(BOTH)
+    assert "free · LSC · unfiltered" in shown(BOTH)
 
 
 def test_both_traces_are_on_one_scale_that_is_named() -> None:

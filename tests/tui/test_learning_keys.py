@@ -82,7 +82,7 @@ def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Pa
     async def play(stage: OnInspect) -> None:
         await stage.show()
         assert "3/rev 1.82 → 0.00" in stage.text and "6/rev 0.58 → 0.00" in stage.text
-        assert "gain 1 · getting better x0.03" in stage.text and "next cut: model, full" in stage.text
+        assert "gain 1 · improving x0.03" in stage.text and "next cut: model, full" in stage.text
         assert "a accepts" in stage.next_step
         await stage.act("inspect.accept")
         assert (used(stage).version, kept(tmp_path)) == (1, [1])
@@ -157,7 +157,7 @@ def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path:
     half = replace(PART, lesson=PartLesson(made=made, problems=(Problem(code="learned.nothing"),)))
     page = shown_on(InspectPage, replace(MEASURED, measured=half), work=cam())
     assert "PASS" not in page.text and "half cut: not judged" in page.text
-    assert "whole compensation comes next" in page.next_step
+    assert "full compensation next" in page.next_step
     rows = plain(learn_lines(PART.lesson, cam(), load("en"), 76))
     assert "± 11.55 um p-p); learning it may not help" in " ".join(rows.split())
 
@@ -168,7 +168,7 @@ def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
         assert stage.codes == ["learned.none_yet"]
         stage.desk.work = previewed_cam()
         await stage.act("preview.stage")
-        assert "cut: model, in air" in stage.text and "In air" in stage.next_step
+        assert "cut: model, in air" in stage.text and "Air cut" in stage.next_step
         await stage.act("preview.stage")
         assert "cut: model, half" in stage.text
         await stage.act("preview.stage")
@@ -204,10 +204,10 @@ def test_an_edited_job_has_no_version_and_half_of_the_printed_program_does_not_e
 def test_run_refuses_what_does_not_hold_and_says_what_is_cut(tmp_path: Path) -> None:
     one = learned()
     page = shown_on(RunPage, run_stage.state(), work=replace(cam(), compensation=one))
-    assert "learned 1, full" in page.text and "✓ compensation and stage hold" in page.text
+    assert "learned 1, full" in page.text and "✓ compensation and stage fit" in page.text
     page = shown_on(RunPage, run_stage.state(), "run.arm", work=replace(signed(), compensation=one))
     assert (page.orders, page.said) == ([], ["learned.strategy"])
-    assert "l and s choose" in page.next_step
+    assert "(l, s)" in page.next_step
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

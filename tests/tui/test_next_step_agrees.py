@@ -57,7 +57,7 @@ def test_what_may_not_help_is_not_offered_and_what_is_offered_is_not_called_so()
     passed, failed = inspected(PART), inspected(fails(PART))
     assert "may not help" in panel(PART) and "a accepts" not in passed.next_step
     assert "may not help" not in panel(fails(PART)) and "a accepts" in failed.next_step
-    assert "only the next part shows whether it repeats" in panel(fails(PART))
+    assert "the next part shows whether it repeats" in panel(fails(PART))
     assert "repeats" in failed.next_step
 
 
@@ -100,7 +100,7 @@ def test_a_list_that_is_spoken_of_is_there() -> None:
     held = run_stage.state(Alignment(), snapshot=run_stage.look(run_stage.OFF), cut=run_stage.cut(CutStage.HELD))
     page = shown_on(RunPage, held, work=cam())
     assert "see the list" in page.next_step
-    assert "✗ drives on" in page.text or "✗ alignment valid" in page.text
+    assert "✗ drives enabled" in page.text or "✗ alignment valid" in page.text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

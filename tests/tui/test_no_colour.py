@@ -123,11 +123,11 @@ def lost(state: StationState) -> StationState:
 
 
 STATES: dict[Callable[[StationState], StationState], tuple[str, ...]] = {
-    ready: ("· ready", "no alarms", "nothing is moving"),
+    ready: ("· ready", "no alarms", "at standstill"),
     stopped: ("STOPPED", "F2", "1.3 s"),
     alarmed: ("!!!", "amplifier fault"),
-    stale: ("OLD, 3 s",),
-    lost: ("LINK LOST", "OLD, 3 s"),
+    stale: ("STALE, 3 s",),
+    lost: ("LINK LOST", "STALE, 3 s"),
 }
 
 

@@ -117,7 +117,7 @@ def test_a_machine_that_nobody_controls_is_called_so(tmp_path: Path) -> None:
     assert (control.orders, said) == ([TakeOver()], ["screen.take_control_again", ""])
     text, shown = load("en"), align_stage.state(**free)
     lines = plain(why_lines(text, shown, None, load_machine(MACHINE).machine, 60, 4))
-    assert "Nobody controls" in lines and "t twice" in lines
+    assert "No console has control" in lines and "t twice" in lines
     held = align_stage.state(**LOOKING_ON)
     assert "Another console" in plain(why_lines(text, held, None, load_machine(MACHINE).machine, 60, 4))
 

@@ -176,7 +176,7 @@ def test_the_plots_have_their_scale_and_keys() -> None:
         "360°",
     ):
         assert words in text
-    assert "LSC, not filtered" in text
+    assert "LSC, unfiltered" in text
 
 
 def test_jaw_1_is_said_to_be_found_when_the_alignment_found_it() -> None:

@@ -59,7 +59,7 @@ def test_no_row_is_wider_than_the_terminal(name: str, size: tuple[int, int], lan
 
 def test_before_the_start_every_condition_has_a_mark_and_a_reason() -> None:
     page = shown(state(replace(VALID, jaw=None)))
-    assert "✓ drives on" in page.text
+    assert "✓ drives enabled" in page.text
     assert "✗ alignment valid" in page.text
     assert "jaw 1 is not found" in page.words
     assert "○ program" in page.text
@@ -172,7 +172,7 @@ def test_a_lobe_that_is_nothing_to_the_part_has_no_limit(language: str) -> None:
     ("now", "words"),
     [
         (STATES["queued"], "synchronised               queued"),
-        (STATES["waiting"], "waits for the index"),
+        (STATES["waiting"], "waiting for index"),
         (STATES["cutting"], "in sync"),
         (STATES["sync lost"], "! SYNC LOST"),
         (STATES["nothing seen yet"], "synchronised                    –"),
@@ -190,9 +190,9 @@ def test_how_evenly_the_spindle_turns_is_told_with_its_bound() -> None:
 
 def test_the_values_say_how_old_they_may_be() -> None:
     """Of a look that was asked for 0.23 s ago each value may be that old."""
-    assert "Now, at most 0.1 s old" in shown(cutting()).text
+    assert "Now, ≤ 0.1 s old" in shown(cutting()).text
     old = replace(cutting(), snapshot=replace(look(running=True), asked_s=99.77, at_s=99.9))
-    assert "Now, at most 0.3 s old" in shown(old).text
+    assert "Now, ≤ 0.3 s old" in shown(old).text
 
 
 @pytest.mark.parametrize("now", [state(), cutting()], ids=["before", "cutting"])
@@ -246,7 +246,7 @@ def test_hold_once_and_only_in_a_cut() -> None:
     assert shown(cutting(), "run.hold").orders == [Hold()]
     held = shown(cutting(holding=True), "run.hold")
     assert (held.orders, held.said) == ([], ["screen.holding_already"])
-    assert "HOLD" in held.text
+    assert "ENDING" in held.text
     assert shown(state(), "run.hold").said == ["screen.nothing_to_hold"]
 
 
@@ -262,8 +262,8 @@ def test_after_the_cut_figures_and_the_way_on() -> None:
 
 def test_a_held_cut_is_not_called_done() -> None:
     page = shown(STATES["held"])
-    assert "Held at the end of a turn; the tool is out." in page.words
-    assert "cut in part only" in page.words
+    assert "Cut ended after the turn; the tool is out." in page.words
+    assert "only partly cut" in page.words
     assert shown(STATES["held"], "run.arm").orders
 
 
@@ -284,10 +284,10 @@ def test_before_the_tool_is_in_the_part_nothing_is_judged(stage: CutStage) -> No
 @pytest.mark.parametrize(
     ("stage", "words"),
     [
-        (CutStage.POSITION, "Going to the start"),
-        (CutStage.RUN_UP, "The spindle runs up"),
+        (CutStage.POSITION, "Moving to the start"),
+        (CutStage.RUN_UP, "The spindle accelerates"),
         (CutStage.CUT, "Cutting. F7"),
-        (CutStage.RETRACT, "The tool goes out"),
+        (CutStage.RETRACT, "The tool retracts"),
     ],
 )
 def test_the_next_step_tells_the_stage(stage: CutStage, words: str) -> None:

@@ -37,12 +37,12 @@ def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
     page = shown(STATES["stopped in the part"])
     assert "1.3 s" in page.text
     assert "IN OR AT THE PART" in page.text
-    assert "F2 goes on" in page.words
-    assert "F8 takes the tool out" in page.words
+    assert "F2 resets" in page.words
+    assert "press F8 to retract the tool" in page.words
     assert "NOT YET" in shown(STATES["stopping"]).text
     killed = shown(STATES["killed in the part"])
-    assert "drives off" in killed.text
-    assert "F8 cannot take the tool out" in killed.words
+    assert "drives disabled" in killed.text
+    assert "F8 cannot retract the tool" in killed.words
 
 
 @pytest.mark.parametrize(
@@ -69,12 +69,12 @@ def test_retract_after_a_cut_that_was_left() -> None:
     page = shown(left, "run.retract")
     assert page.orders == [Retract()]
     assert "F8" in page.next_step
-    assert "switches on" in shown(replace(left, snapshot=look(OFF, tool=SURFACE_COUNTS))).next_step
+    assert "enables" in shown(replace(left, snapshot=look(OFF, tool=SURFACE_COUNTS))).next_step
 
 
 def test_the_stop_panel_is_whole_when_it_is_first_seen() -> None:
     *_, frame = frames_of([cutting(), STATES["stopping"]])
-    assert "Wait until rest is proven" in frame
+    assert "Wait until standstill is confirmed" in frame
     assert not any(len(row.strip("│ ")) == 1 for row in frame.splitlines())
 
 
@@ -100,7 +100,7 @@ def test_the_way_to_the_touch_off_is_no_cut() -> None:
 
 def test_a_spindle_that_coasts_is_seen() -> None:
     killed = STATES["killed in the part"]
-    assert "turns 24 rpm" in shown(replace(killed, spindle_rpm=24.0)).text
+    assert "turning 24 rpm" in shown(replace(killed, spindle_rpm=24.0)).text
     for rpm in (None, 0.0, 0.9):
         assert "turns" not in shown(replace(killed, spindle_rpm=rpm)).text
 
@@ -127,7 +127,7 @@ def test_what_was_cut_in_part_may_be_armed_again() -> None:
 def test_while_a_second_cut_goes_to_its_start_the_first_one_is_not_forgotten() -> None:
     """The progress of the first is gone by then."""
     page = shown(replace(STATES["stop on the way to the start"], stop=None, **CUT_IN_PART))
-    assert "blank cut in part" in page.words
+    assert "blank partly cut" in page.words
 
 
 @pytest.mark.parametrize("name", ["marked", "killed and marked"])
@@ -157,7 +157,7 @@ def test_a_stop_in_mid_cut_says_that_the_part_is_marked(name: str, language: str
     [
         (True, False, "IN OR AT THE PART"),
         (None, False, "position not known"),
-        (False, False, "not held, drives off"),
+        (False, False, "not held (disabled)"),
         (False, True, "clear of the part"),
     ],
 )
@@ -180,7 +180,7 @@ def test_where_the_tool_stands_is_not_guessed(can_retract: bool, language: str) 
 
 def test_a_cut_that_was_left_with_its_zeros_lost_is_not_said_to_stand_in_the_part() -> None:
     page = shown(state(snapshot=look(ON - {"home_complete"}, tool=0.0), cut=cut()))
-    assert "is not known" in page.next_step and "F8" in page.next_step
+    assert "unknown" in page.next_step and "F8" in page.next_step
 
 
 def test_where_the_tool_is_goes_by_the_part_that_is_clamped() -> None:
@@ -205,14 +205,14 @@ def test_a_stop_that_did_not_arrive_is_said_first() -> None:
     for name in ("stop not delivered", "lost"):
         page = shown(STATES[name])
         assert page.words.split("──╮")[-1].strip().startswith("!!! the stop did NOT reach the controller")
-        assert "emergency stop of the machine" in page.words
+        assert "machine's emergency stop" in page.words
     assert "NOT reach" not in shown(STATES["stopping"]).text
 
 
 def test_lost_means_that_nothing_is_known_any_more() -> None:
     page = shown(STATES["lost"], "run.retract")
-    assert "Nothing is known of the machine any more. The last look is 12 s old." in page.words
-    assert "Old: 12 s ago" in page.text
+    assert "The machine state is unknown. The last poll is 12 s old." in page.words
+    assert "Stale: 12 s ago" in page.text
     assert page.said == ["session.lost"]
     assert shown(replace(state(), activity=Activity.LOST), "run.arm").said == ["session.lost"]
-    assert "no look at it has succeeded" in shown(STATES["never found"]).words
+    assert "no poll has succeeded" in shown(STATES["never found"]).words

@@ -131,7 +131,7 @@ def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_p
         assert stage.kind() is FieldKind.NONE
         assert stage.desk.work.job.chucking_force_n == 7000.0
         assert "edited, not saved" in stage.text
-        assert "Refused by 2" in stage.next_step
+        assert "2 rules refuse" in stage.next_step
 
     play(scene, tmp_path, work=experiment())
 
@@ -141,7 +141,7 @@ def test_another_force_than_that_of_the_error_is_warned_of(tmp_path: Path) -> No
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type("1400")
         assert "! force, total = 1400 N, but" in stage.text
-        assert "21 of 22 rules hold" in stage.text
+        assert "21 of 22 rules passed" in stage.text
 
     play(scene, tmp_path, work=experiment())
 
@@ -236,7 +236,7 @@ def test_an_empty_entry_keeps_the_value(tmp_path: Path) -> None:
     async def scene(stage: Stage) -> None:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.pilot.press("delete")
-        assert "1314.0 N stays" in stage.text
+        assert "keeps 1314.0 N" in stage.text
         await stage.act("setup.edit")
         assert stage.desk.work is not None
         assert not stage.desk.work.edited
@@ -307,9 +307,9 @@ def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path
 @pytest.mark.parametrize(
     ("place", "typed", "beside", "below"),
     [
-        (0, "steel", "lobe: Al", "lobe found at Al: not measured for this"),
-        (1, "53", "lobe: D 52.000 mm", "lobe found at D 52.000 mm: not measured"),
-        (4, "6", "lobe: 3", "lobe found at 3: not measured"),
+        (0, "steel", "lobe: Al", "lobe measured at Al: not for this value"),
+        (1, "53", "lobe: D 52.000 mm", "lobe measured at D 52.000 mm: not for this"),
+        (4, "6", "lobe: 3", "lobe measured at 3: not for this"),
     ],
 )
 def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(
@@ -428,8 +428,8 @@ def test_rules_that_have_no_room_are_counted() -> None:
     assert len(findings) == 22
     rows = plain(finding_lines(findings, load("en"), 40, 9)).split("\n")
     assert len(rows) == 9
-    assert rows[-1].strip() == "… 15 more hold: w"
-    assert "more hold" not in plain(finding_lines(findings, load("en"), 40, 23))
+    assert rows[-1].strip() == "… 15 more passed: w"
+    assert "more passed" not in plain(finding_lines(findings, load("en"), 40, 23))
 
 
 def test_a_material_is_asked_for_as_one(tmp_path: Path) -> None:
