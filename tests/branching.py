@@ -1,0 +1,91 @@
+"""A run that is made up to a point once, and goes on from there as often as is asked, each time in another way.
+
+The way to the point is the same for all: it is made in a process of its own, which waits there. Each continuation
+is a copy of that process (fork), so that nothing of one can reach another: what it changes is gone with it.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import traceback
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+LENGTH_BYTES = 8
+
+
+Asked = TypeVar("Asked")
+Returned = TypeVar("Returned")
+
+
+class Branching(Generic[Asked, Returned]):
+    """`run` is called in a process of its own with a function that waits, at the point, for what is asked.
+
+    The process ends with the one that has made it.
+    """
+
+    def __init__(self, run: Callable[[Callable[[], Asked]], Returned]) -> None:
+        asked, self._ask = os.pipe()
+        self._answer, answered = os.pipe()
+        if os.fork():
+            os.close(asked)
+            os.close(answered)
+            return
+        os.close(self._ask)
+        os.close(self._answer)
+        _run(run, asked, answered)
+
+    def __call__(self, asked: Asked) -> Returned:
+        """Go on from the point with what is asked; return what the run returns there.
+
+        Raises AssertionError: the run has raised something, with all of it.
+        """
+        _write(self._ask, asked)
+        returned, failed = _read(self._answer)
+        assert failed is None, failed
+        return returned  # type: ignore[no-any-return]
+
+
+def _run(run: Callable[[Callable[[], Any]], Any], asked: int, answered: int) -> None:
+    """Run to the end of this process, which is a copy: nothing of it may go on."""
+
+    def wait() -> Any:
+        while True:
+            question = _read(asked)
+            copy = os.fork()
+            if not copy:
+                return question
+            os.waitpid(copy, 0)
+
+    try:
+        try:
+            said = (run(wait), None)
+        except BaseException:
+            said = (None, traceback.format_exc())
+        _write(answered, said)
+    finally:
+        os._exit(0)
+
+
+def _write(pipe: int, value: object) -> None:
+    data = pickle.dumps(value)
+    with open(pipe, "wb", closefd=False) as stream:
+        stream.write(len(data).to_bytes(LENGTH_BYTES, "big") + data)
+
+
+def _read(pipe: int) -> Any:
+    """Return the next value; raise EOFError where nobody is left to say anything."""
+    with open(pipe, "rb", buffering=0, closefd=False) as stream:
+        length = int.from_bytes(_exactly(stream, LENGTH_BYTES), "big")
+        return pickle.loads(_exactly(stream, length))
+
+
+def _exactly(stream: Any, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        more = stream.read(count - len(data))
+        if not more:
+            raise EOFError
+        data += more
+    return data
