@@ -28,8 +28,11 @@ from numpy.typing import NDArray
 
 from benchmarks.hostile_lines import DEEDS, Deed
 from benchmarks.measure import extent, print_table
-from console.session.cut.sequence import Shop, Step, cut_part
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from console.session.cut.context import CutContext
+from console.session.cut.engine import Step
+from console.session.cut.headless import cut_part
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
@@ -210,7 +213,7 @@ def make(family: str, strategy: Strategy, attack: Attack | None, seed: int) -> t
 
     lathe.connect()
     lathe.claim()
-    shop = Shop(lathe=lathe, clamp=sim.mount, measure=sim.measure, simulated=True)
+    shop = CutContext(lathe=lathe, workshop=sim)
     try:
         cut_part(shop, JOB, plan, tell)
         outcome = GOOD

@@ -23,7 +23,7 @@ from console.session.station.state import Activity
 from console.session.work import edited
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.preview.outlook import outlook
 from drivers.preview.preview import all_asked, preview, program_of
 from profiles.axis.envelope import envelope

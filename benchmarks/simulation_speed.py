@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from benchmarks.measure import extent, print_table, seconds
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.gathering.gather import gather_settings
 from drivers.pmac.gathering.gathered_data import motor_channel

@@ -92,11 +92,13 @@ def _dispatch(words: list[str], text: Catalogue) -> int:
         return WRONG_USAGE
     from importlib import import_module
 
+    from drivers.cutting.strategy import TAKING_TS
+
     module = import_module(SCREEN if options.command is None else _module(options.command, options))
     if options.sim and options.link:
         parser.error(text("usage.sim_with_link"))
-    if getattr(options, "ts", None) is not None and options.strategy != "paper":
-        parser.error(text("usage.ts_without_paper"))
+    if getattr(options, "ts", None) is not None and options.strategy not in TAKING_TS:
+        parser.error(text("usage.ts_without_paper", limit=" | ".join(TAKING_TS)))
     code: int = module.main(options, text)
     return code
 

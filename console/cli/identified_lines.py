@@ -94,7 +94,7 @@ class Teller:
         """Return what is said behind the table."""
         text = self._text
         doubtful = _doubtful(identified)
-        said = [text(f"identify.{identified.how}.{identified.path}", cycles=identified.delay_cycles)]
+        said = [text(f"strategy.{identified.path}.{identified.how}", cycles=identified.delay_cycles)]
         if doubtful:
             listed = ", ".join(f"{point.frequency_hz:g}" for point in doubtful)
             said.append(text("identify.doubtful", frequencies=listed, limit=f"{LEAST_COHERENCE:g}"))

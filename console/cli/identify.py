@@ -74,7 +74,7 @@ def _request(options: Namespace, machine: LoadedMachine) -> IdentificationReques
     Raises:
         SessionError: everything that forbids it; nothing was opened.
     """
-    from drivers.cutting.plan import Strategy
+    from drivers.cutting.strategy import Strategy
     from drivers.identification.request import (
         AMPLITUDE_UM,
         FREQUENCIES_HZ,

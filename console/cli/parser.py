@@ -6,18 +6,17 @@ import argparse
 import math
 import re
 import sys
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from console.text.catalogue import LANGUAGES, Catalogue
+from drivers.cutting.strategy import DEFAULT_STRATEGY, INVERTING, Strategy
 
 if TYPE_CHECKING:
     from drivers.link.address import TcpAddress
     from drivers.simulator.hosts.control_address import ControlAddress
 
-STRATEGIES = ("none", "paper", "pvt", "cam", "timebase")
-DEFAULT_STRATEGY = "pvt"
 STAGES = ("air", "partial", "full")
-IDENTIFIED = ("pvt", "cam", "timebase")
 MOST_PARTS = 20
 """Parts in a row that learn."""
 
@@ -128,8 +127,8 @@ def _preview(commands: _Commands, text: Catalogue) -> None:
     parser = _command(commands, "preview", text)
     _job(parser, text)
     _machine(parser, text)
-    strategy_help = text("help.preview.strategy")
-    parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=strategy_help)
+    strategy_help = text("help.preview.strategy", default=DEFAULT_STRATEGY)
+    parser.add_argument("--strategy", choices=_names(Strategy), default=DEFAULT_STRATEGY.value, help=strategy_help)
     parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
 
 
@@ -230,8 +229,12 @@ def _identify(commands: _Commands, text: Catalogue) -> None:
     parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.identify.sim"))
     _iron(parser, text)
     _link(parser, text)
+    told = ", ".join(text(f"strategy.{each}.path") for each in INVERTING)
     parser.add_argument(
-        "--strategy", choices=IDENTIFIED, default=DEFAULT_STRATEGY, help=text("help.identify.strategy")
+        "--strategy",
+        choices=_names(INVERTING),
+        default=DEFAULT_STRATEGY.value,
+        help=text("help.identify.strategy", default=DEFAULT_STRATEGY, strategies=told),
     )
     parser.add_argument(
         "--frequencies", metavar="HZ,HZ", type=_frequencies, help=text("help.identify.frequencies")
@@ -276,7 +279,7 @@ def _learn(commands: _Commands, text: Catalogue) -> None:
     _machine(parser, text)
     parser.add_argument("--sim", action="store_true", default=argparse.SUPPRESS, help=text("help.learn.sim"))
     parser.add_argument("--compensation", metavar="VERSION", type=_compensation, help=text("help.learn.cut_with"))
-    parser.add_argument("--strategy", choices=IDENTIFIED, help=text("help.learn.strategy"))
+    parser.add_argument("--strategy", choices=_names(INVERTING), help=text("help.learn.strategy"))
     parser.add_argument("--stage", choices=STAGES[1:], help=text("help.learn.stage"))
     parser.add_argument("--identified", metavar="FILE", help=text("help.learn.identified"))
     parser.add_argument("--gain", metavar="GAIN", type=_number, help=text("help.learn.gain"))
@@ -347,8 +350,18 @@ def _link(parser: Parser, text: Catalogue) -> None:
 
 
 def _strategy(parser: Parser, text: Catalogue) -> None:
-    parser.add_argument("--strategy", choices=STRATEGIES, default=DEFAULT_STRATEGY, help=text("help.strategy"))
+    told = ", ".join(text(f"strategy.{each}.help") for each in Strategy)
+    parser.add_argument(
+        "--strategy",
+        choices=_names(Strategy),
+        default=DEFAULT_STRATEGY.value,
+        help=text("help.strategy", default=DEFAULT_STRATEGY, strategies=told),
+    )
     parser.add_argument("--ts", metavar="MS", type=_ts, help=text("help.ts"))
+
+
+def _names(strategies: Iterable[Strategy]) -> tuple[str, ...]:
+    return tuple(each.value for each in strategies)
 
 
 def _ts(word: str) -> int:

@@ -11,7 +11,8 @@ from console.cli.preview_fields import fields_of
 from console.cli.preview_told import lines_of
 from console.session.data.identified import response_in
 from console.text.catalogue import Catalogue
-from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import Strategy
 from drivers.preview.preview import preview
 from profiles.problem import ProblemError
 from profiles.rules import refusals

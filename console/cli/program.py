@@ -8,7 +8,8 @@ from console.cli.library import job_of, judged_of
 from console.cli.output import print_json, tell
 from console.session.cut.run import plan_run
 from console.text.catalogue import Catalogue
-from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import Strategy
 from drivers.pmac.analysis.start import start_comment
 from drivers.pmac.axes import read_definitions
 from profiles.machine import MachineProfile

@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from console.cli.library import data_of, iron_told, job_of, machine_of
-from console.cli.stopping import Stopping
-from console.session.cut.run import RunPlan, RunResult, plan_run, run, run_once
-from console.session.cut.sequence import Shop, Step
+from console.session.cut.run import RunPlan, plan_run
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.data.identified import response_in
 from console.session.data.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.learning import LearnResult, learn, refuse_unlearnable
-from console.session.signals import Interruption
-from console.session.stages import FOLLOWING, Stage, nominal_path
-from console.session.station.commissioned import Commissioned
-from console.session.station.reaching import Reached, address_of, guard, leave, machine_shop, reach
-from console.text.catalogue import Catalogue
-from drivers.cutting.planning import Strategy
-from drivers.lathe.heartbeat import Heartbeat, cut_condition
-from drivers.lathe.lathe import Lathe
-from drivers.lathe.stop import StopPath
+from console.session.learning.learning import refuse_unlearnable
+from console.session.stages import Stage, nominal_path
+from console.session.station.reaching import address_of
+from drivers.cutting.strategy import Strategy
+from drivers.lathe.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
-from drivers.link.memory import MemoryLink
-from drivers.link.tracing import Tracing
-from drivers.pmac.client import PmacClient
-from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.axis.response import ServoResponse
 from profiles.compensations.learned import LearnedCompensation, differences
@@ -112,7 +100,7 @@ def ordered(options: Namespace) -> RunOrder:
 
 def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool) -> tuple[Problem, ...]:
     """Return that a version was learned for this job and is not asked for; parts in a row begin from the job."""
-    if options.compensation != NONE or options.learn is not None or Strategy(options.strategy) not in FOLLOWING:
+    if options.compensation != NONE or options.learn is not None or not Strategy(options.strategy).traits.inverts:
         return ()
     try:
         newest = accepted(job, machine, data_of(options), simulated=simulated)
@@ -183,98 +171,3 @@ def _refuse_beside_learning(options: Namespace) -> None:
     if any(given.values()):
         value = ", ".join(option for option, there in given.items() if there)
         raise SessionError(Problem(code="learning.alone", key="--learn", value=value))
-
-
-Tell = Callable[[str, Step, str], None]
-"""Takes each step: the part, what is done to it, and a detail in words."""
-
-
-def cut_learning(
-    order: RunOrder, parts: int, interruption: Interruption, tracing: Tracing, tell: Tell
-) -> LearnResult:
-    """Cut parts in a row on one simulated machine, each with what the ones before have taught.
-
-    Raises:
-        ProblemError: a refusal, or what ended a cut; the machine is at rest.
-    """
-    open_shop = _simulated_shop(order.machine.machine, order.true, interruption, tracing)
-    return learn(order.plan, open_shop, tell, parts)
-
-
-def cut(
-    order: RunOrder, data: Path, interruption: Interruption, tracing: Tracing, tell: Tell, text: Catalogue
-) -> RunResult:
-    """Cut what was ordered, where it was ordered.
-
-    Raises:
-        ProblemError: a refusal, or what ended the cut; the machine is at rest.
-    """
-    if order.address is None:
-        return run(order.plan, _simulated_shop(order.machine.machine, order.true, interruption, tracing), tell)
-    return _run_there(order, order.address, data, interruption, tracing, tell, text)
-
-
-def _run_there(
-    order: RunOrder,
-    address: LinkAddress,
-    data: Path,
-    interruption: Interruption,
-    tracing: Tracing,
-    tell: Tell,
-    text: Catalogue,
-) -> RunResult:
-    """Cut one part on a machine behind a link, and leave it with its drives off; say on stderr how a stop goes."""
-    stopping = Stopping(interruption, text)
-    reached = reach(order.machine, address, data, tracing, stopping.seen)
-    try:
-        guard(interruption, reached.lathe, reached.clock.now_s)
-        with stopping.watching(reached.stop):
-            return _cut_there(order, reached, data, tell)
-    finally:
-        reached.close()
-
-
-def _cut_there(order: RunOrder, reached: Reached, data: Path, tell: Tell) -> RunResult:
-    try:
-        commissioned = Commissioned(
-            reached.client, reached.heartbeat, order.machine.machine, data, simulated=reached.simulated
-        )
-        result = run_once(order.plan, machine_shop(reached, commissioned), tell)
-        if not leave(reached.lathe, reached.owning):
-            raise SessionError(Problem(code="machine.state_unknown"))
-        return result
-    except BaseException:
-        leave(reached.lathe, reached.owning)
-        raise
-
-
-def _simulated_shop(
-    machine: MachineProfile, true: TrueParameters | None, interruption: Interruption, tracing: Tracing
-) -> Callable[[], Shop]:
-    """Return a function that opens a simulated machine of its own for each part."""
-
-    def open_shop() -> Shop:
-        simulated = SimulatedLathe(machine, true)
-        link = tracing.of(MemoryLink(simulated.connect(), simulated), simulated.now_s)
-        stop = StopPath(link)
-        interruption.guard(stop)
-        client = PmacClient(link, simulated)
-        heartbeat = Heartbeat(client, simulated, machine)
-        lathe = Lathe(client, machine, simulated, stop, heartbeat=heartbeat)
-
-        def turn(rpm: float | None) -> None:
-            if rpm is None:
-                simulated.stop_spindle()
-            else:
-                simulated.set_spindle_rpm(rpm)
-
-        return Shop(
-            lathe=lathe,
-            clamp=simulated.mount,
-            measure=simulated.measure,
-            simulated=True,
-            collisions=lambda: simulated.look().collisions,
-            turn=turn if machine.spindle.followed else None,
-        )
-
-    return open_shop

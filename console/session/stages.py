@@ -5,7 +5,8 @@ from __future__ import annotations
 from enum import StrEnum
 
 from console.session.errors import SessionError
-from drivers.cutting.planning import Strategy, nominal_command
+from drivers.cutting.planning import nominal_command
+from drivers.cutting.strategy import INVERTING, Strategy
 from profiles.axis.response import ServoResponse
 from profiles.compensations.path import PARTIAL_SHARE, CutPath, share_of, wanted_path
 from profiles.job import Job
@@ -14,9 +15,6 @@ from profiles.problem import Problem
 
 AIR_MM = 1.0
 """How far out of the part the tool stays in air, more than any depth of cut and lobe."""
-
-FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
-"""Strategies that follow a path they are given."""
 
 
 class Stage(StrEnum):
@@ -59,8 +57,8 @@ def staged(
     """
     if stage is not Stage.PARTIAL:
         return path
-    if strategy not in FOLLOWING:
-        limit = " | ".join(FOLLOWING)
+    if not strategy.traits.inverts:
+        limit = " | ".join(INVERTING)
         raise SessionError(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
     return share_of(path or nominal_path(job, machine, strategy), stage.share)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from console.session.data.kept_files import make_folder
+from drivers.cutting.strategy import DEFAULT_STRATEGY
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.job import JOB_FIELDS, Job, copy_of
 from profiles.lobe.lobe_conditions import kept_condition
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
 
 STAGES = ("full", "air", "partial")
 """In the order in which a key steps through them; the values of `console.session.stages.Stage`."""
-
-STRATEGIES = ("pvt", "cam", "timebase", "paper", "none")
-"""In the order in which a key steps through them; the values of `drivers.cutting.planning.Strategy`."""
 
 _FIELDS = {field.key: field for field in JOB_FIELDS}
 
@@ -48,7 +46,7 @@ class Work:
     loaded: LoadedJob
     machine: LoadedMachine
     job: Job
-    strategy: str = STRATEGIES[0]
+    strategy: str = DEFAULT_STRATEGY.value
     compensation: LearnedCompensation | None = None
     set_aside: tuple[Problem, ...] = ()
     stage: str = STAGES[0]

@@ -19,6 +19,8 @@ from console.tui.keymap import PageName, actions_of
 from console.tui.lines import BLANK, Line, clipped, dim, hanging, line, name_in, plain, ranged, width_of, wrapped
 from console.tui.pages.fields import named
 from console.tui.theme import Token
+from drivers.lathe.lengths import settings_of
+from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -205,9 +207,8 @@ def _stop_tells(text: Catalogue, state: StationState, machine: MachineProfile) -
 
 
 def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:
-    """Return the time from this speed to rest at the abort rate Ix15 of the spindle motor, counts/ms2."""
-    counts_per_ms = abs(speed_rpm) * machine.spindle.counts_per_rev / 60_000.0
-    return counts_per_ms / machine.controller.variables[f"I{machine.spindle.motor}15"] / 1000.0
+    """Return the time from this speed to rest after a stop, s; a revolution a minute is 6 degrees a second."""
+    return settings_of(machine, AxisName.SPINDLE).stop_s(6.0 * abs(speed_rpm))
 
 
 def keys_row(frame: Frame, width: int) -> list[Line]:

@@ -18,7 +18,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
 if TYPE_CHECKING:
-    from drivers.cutting.planning import Strategy
+    from drivers.cutting.strategy import Strategy
     from drivers.preview.outlook import Outlook
     from drivers.preview.preview import Asked, Preview, Program, Underway
     from profiles.axis.response import ServoResponse
@@ -185,7 +185,7 @@ def _taught(work: Work, alignment: Alignment) -> ExpectedPart | None:
 
 def _begin(question: Question) -> _Begun:
     from console.session.stages import Stage, air_mm
-    from drivers.cutting.planning import Strategy
+    from drivers.cutting.strategy import Strategy
     from drivers.preview.outlook import outlook
     from drivers.preview.preview import all_asked
 
@@ -226,13 +226,14 @@ class ChosenPath:
 def _path(work: Work, alignment: Alignment, *, simulated: bool) -> CutPath | None:
     # Numerics, which the first page does without.
     from console.session.cut.compensated import chosen_problems, path_of
-    from console.session.stages import Stage
-    from drivers.cutting.planning import Strategy
+    from console.session.stages import Stage, staged
+    from drivers.cutting.strategy import Strategy
 
     if chosen_problems(work, simulated=simulated):
         return None
     job, machine = aligned_job(work.job, alignment), aligned_machine(work.machine.machine, alignment)
     try:
-        return path_of(job, work.job, machine, Strategy(work.strategy), Stage(work.stage), work.compensation)
+        learned = path_of(job, work.job, work.compensation)
+        return staged(job, machine, Strategy(work.strategy), Stage(work.stage), learned)
     except ProblemError:
         return None  # the preview of the model fails for the same reason, and tells it

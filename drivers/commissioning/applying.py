@@ -8,13 +8,13 @@ from drivers.commissioning.card_state import read_state
 from drivers.commissioning.gains import Write
 from drivers.commissioning.judged import same
 from drivers.commissioning.reading import number_in
+from drivers.controller import Controller
 from drivers.errors import DriverError, RefusedError
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from profiles.problem import Problem
 
 
-def refuse_unready(client: PmacClient, dialect: Dialect) -> None:
+def refuse_unready(client: Controller, dialect: Dialect) -> None:
     """Make sure that no motor of the card is on and no program runs.
 
     Raises:
@@ -30,7 +30,7 @@ def refuse_unready(client: PmacClient, dialect: Dialect) -> None:
         raise RefusedError(Problem(code="controller.program_running", where=where, value=systems))
 
 
-def apply(client: PmacClient, dialect: Dialect, writes: Iterable[Write]) -> int:
+def apply(client: Controller, dialect: Dialect, writes: Iterable[Write]) -> int:
     """Send each line once and read its value back; return how many lines there were. Nothing is saved.
 
     Who calls has a backup.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from drivers.commissioning.check import Check, Group, Outcome
 from drivers.commissioning.judged import Judged
+from drivers.controller import Controller
 from drivers.errors import LinkError
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.status import BitTable, decode
 from profiles.problem import Problem
@@ -59,7 +59,7 @@ class CardState:
         return tuple(number for number, flags in self.motors.items() if "amplifier_enabled" in flags)
 
 
-def read_state(client: PmacClient, dialect: Dialect) -> CardState:
+def read_state(client: Controller, dialect: Dialect) -> CardState:
     """Ask for the status of the card, of every system and of every motor.
 
     Raises:
@@ -108,7 +108,7 @@ def _check(group: Group, code: str, found: Sequence[str], subject: str = "") -> 
     )
 
 
-def _flags(client: PmacClient, questions: Sequence[str], table: BitTable) -> list[Flags]:
+def _flags(client: Controller, questions: Sequence[str], table: BitTable) -> list[Flags]:
     found = []
     for start in range(0, len(questions), STATUS_A_LINE):
         for digits in client.query(*questions[start : start + STATUS_A_LINE], again=True):

@@ -14,7 +14,7 @@ from drivers.commissioning.configuration import Configuration, digest
 from drivers.commissioning.judged import same
 from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_configuration
 from drivers.commissioning.setting_names import named
-from drivers.pmac.client import PmacClient
+from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.reading import HIGHEST_PLC
 from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG
@@ -74,7 +74,7 @@ def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
 
 
 def read_fingerprint(
-    client: PmacClient, machine: MachineProfile, dialect: Dialect, since: Fingerprint | None = None
+    client: Controller, machine: MachineProfile, dialect: Dialect, since: Fingerprint | None = None
 ) -> Fingerprint:
     """Read what is compared before each cut; nothing is written.
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest, fleeting_settings
+from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.foreseen import number_of
 from drivers.pmac.language.errors import ErrorCode
@@ -83,7 +83,7 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
     )
 
 
-def read_configuration(client: PmacClient, dialect: Dialect, extent: Extent) -> Configuration:
+def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> Configuration:
     """Read all that is in `extent`, with PLCs, tables and the conversion table.
 
     Raises:
@@ -109,7 +109,7 @@ def read_configuration(client: PmacClient, dialect: Dialect, extent: Extent) -> 
     )
 
 
-def refuse_open_buffer(client: PmacClient, dialect: Dialect) -> None:
+def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
     """Make sure that nobody enters a program.
 
     Raises:
@@ -125,7 +125,7 @@ def refuse_open_buffer(client: PmacClient, dialect: Dialect) -> None:
         raise RefusedError(Problem(code="controller.entering", where=where))
 
 
-def ask_or_none(client: PmacClient, line: str, timeout_s: float = TIMEOUT_S) -> tuple[str, ...] | None:
+def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> tuple[str, ...] | None:
     """Return the data of a line that asks, None where the card has nothing of the kind."""
     try:
         return client.question(line, timeout_s)
@@ -147,7 +147,7 @@ def number_in(text: str, where: str) -> float:
         raise LinkError(Problem(code="link.out_of_step", where=where, key="I", value=text[:40])) from error
 
 
-def read_settings(client: PmacClient, numbers: Iterable[int]) -> Mapping[int, float]:
+def read_settings(client: Controller, numbers: Iterable[int]) -> Mapping[int, float]:
     """Return some I-variables by number.
 
     Raises:
@@ -162,7 +162,7 @@ def read_settings(client: PmacClient, numbers: Iterable[int]) -> Mapping[int, fl
     return found
 
 
-def read_ranges(client: PmacClient, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
+def read_ranges(client: Controller, dialect: Dialect, ranges: Iterable[range]) -> dict[int, float]:
     """Return I-variables by number; left out are those that the host sets when it connects, and timers.
 
     Raises:
@@ -173,21 +173,21 @@ def read_ranges(client: PmacClient, dialect: Dialect, ranges: Iterable[range]) -
     return {index: number_in(text, where) for index, text in reports if index not in left_out}
 
 
-def _pointers(client: PmacClient, ranges: Iterable[range]) -> Iterator[tuple[int, str]]:
+def _pointers(client: Controller, ranges: Iterable[range]) -> Iterator[tuple[int, str]]:
     for index, text in _reports(client, ranges, "M{first}..{last}->"):
         definition = _FORM.sub("", text.strip(), count=1)
         if definition != "*":
             yield index, definition
 
 
-def _reports(client: PmacClient, ranges: Iterable[range], form: str) -> Iterator[tuple[int, str]]:
+def _reports(client: Controller, ranges: Iterable[range], form: str) -> Iterator[tuple[int, str]]:
     """Ask for variables range by range; what the card refuses as not there is left out."""
     for whole in ranges:
         for start in range(whole.start, whole.stop, NUMBERS_A_LINE):
             yield from _part(client, range(start, min(start + NUMBERS_A_LINE, whole.stop)), form)
 
 
-def _part(client: PmacClient, part: range, form: str) -> Iterator[tuple[int, str]]:
+def _part(client: Controller, part: range, form: str) -> Iterator[tuple[int, str]]:
     line = form.format(first=part.start, last=part.stop - 1)
     texts = ask_or_none(client, line)
     if texts is not None:
@@ -198,7 +198,7 @@ def _part(client: PmacClient, part: range, form: str) -> Iterator[tuple[int, str
         yield from _part(client, range(middle, part.stop), form)
 
 
-def _axes(client: PmacClient, dialect: Dialect, motors: Sequence[int]) -> Iterator[tuple[int, AxisEntry]]:
+def _axes(client: Controller, dialect: Dialect, motors: Sequence[int]) -> Iterator[tuple[int, AxisEntry]]:
     for start in range(0, len(motors), MOTORS_A_LINE):
         part = motors[start : start + MOTORS_A_LINE]
         items = [item for motor in part for item in (f"#{motor}->", f"#{motor}?")]
@@ -218,7 +218,7 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
     return (second >> _SYSTEM_SHIFT) % dialect.system_count + 1 if assigned else 1
 
 
-def _tables(client: PmacClient, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:
+def _tables(client: Controller, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:
     for motor in motors:
         definition = ask_or_none(client, f"#{motor}LIST COMP DEF")
         if not definition:
@@ -228,7 +228,7 @@ def _tables(client: PmacClient, motors: Sequence[int], unlisted: int | None) -> 
         yield motor, TableEntry(definition[0].strip(), len(entries), digest(entries))
 
 
-def _conversion(client: PmacClient, dialect: Dialect) -> tuple[int, ...]:
+def _conversion(client: Controller, dialect: Dialect) -> tuple[int, ...]:
     table = dialect.conversion_table
     if table.first_setting is not None:
         return ()
@@ -246,7 +246,7 @@ def _conversion(client: PmacClient, dialect: Dialect) -> tuple[int, ...]:
 class _Listings:
     """Asks for buffers by number; those behind a password are kept in `locked`."""
 
-    def __init__(self, client: PmacClient) -> None:
+    def __init__(self, client: Controller) -> None:
         self.locked: list[str] = []
         self._client = client
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from drivers.commissioning.stop_record import Origin, StopEntry, Way
+from drivers.pmac.motor_settings import MotorSettings
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -76,13 +77,12 @@ def _axis(name: str, machine: MachineProfile) -> _Axis | None:
     match name:
         case "tool" | "carriage":
             linear = machine.tool if name == "tool" else machine.carriage
-            settings = machine.controller.variables
-            fastest = max(abs(settings[f"I{linear.motor}{suffix}"]) for suffix in ("16", "22"))
+            settings = MotorSettings(machine, linear.motor)
             return _Axis(
                 unit="mm",
                 least=1.0 / linear.counts_per_mm,
                 most=linear.travel_max_mm - linear.travel_min_mm,
-                fastest=1000.0 * fastest / linear.counts_per_mm,
+                fastest=max(abs(settings.program_speed), settings.jog_speed),
             )
         case "spindle":
             spindle = machine.spindle

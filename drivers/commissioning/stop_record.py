@@ -12,8 +12,8 @@ from enum import StrEnum
 
 from drivers.commissioning.configuration import digest
 from drivers.commissioning.reading import read_ranges
+from drivers.controller import Controller
 from drivers.link.base import StopWay
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.lease import SERVO_PERIOD
 from profiles.machine import MachineProfile
@@ -92,7 +92,7 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
     return frozenset((way, origin, axis) for way in ways for origin in Origin for axis in axes)
 
 
-def stop_key(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> str:
+def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> str:
     """Read what decides how the machine stops, and return its hash.
 
     Raises:

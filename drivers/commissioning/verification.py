@@ -15,15 +15,15 @@ from drivers.commissioning.reading import number_in, of_motors, read_configurati
 from drivers.commissioning.rules_of_card import card_rules
 from drivers.commissioning.rules_of_motors import motor_rules
 from drivers.commissioning.stops import overruns
+from drivers.controller import Controller
 from drivers.errors import DriverError
 from drivers.lathe.safety import FORM, NOT_FITTED, WIRED, inputs_of
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.reserved import HOLD_FLAG, LEASE_TIMER
 from profiles.machine import MachineProfile, Safety, is_signature
 
 
-def safety_checks(client: PmacClient, safety: Safety) -> list[Check]:
+def safety_checks(client: Controller, safety: Safety) -> list[Check]:
     """Return one line for each device, and one for each that the card sees. Only those are asked for.
 
     Raises:
@@ -44,7 +44,7 @@ def _fitted(safety: Safety) -> Iterator[Check]:
             yield _check("device_unknown", Outcome.FAILS, device, fitted, f"{WIRED} | {NOT_FITTED}")
 
 
-def _seen(client: PmacClient, safety: Safety) -> Iterator[Check]:
+def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
     try:
         inputs = inputs_of(safety)
     except DriverError as error:
@@ -73,7 +73,7 @@ class Verification:
     checks: tuple[Check, ...]
 
 
-def verify(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> Verification:
+def verify(client: Controller, machine: MachineProfile, dialect: Dialect) -> Verification:
     """Read what concerns the machine, and judge it.
 
     Raises:
@@ -87,7 +87,7 @@ def verify(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> Ver
     return Verification(judged=judged, state=state, checks=in_order(checks))
 
 
-def read_of_machine(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> Configuration:
+def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialect) -> Configuration:
     """Read what concerns a machine, for its checks.
 
     Raises:

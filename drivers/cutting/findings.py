@@ -9,9 +9,9 @@ import numpy as np
 
 from drivers.commissioning.amounts import length, speed
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines
+from drivers.pmac.motor_settings import MotorSettings
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import SERVO
-from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.trajectory.cubics import motion_of
 from profiles.axis.servo import following_error_um
 from profiles.compensations.path import LobedPath
@@ -175,7 +175,7 @@ def _servo_findings(machine: MachineProfile, job: Job, speed_rpm: float, stroke_
     """
     error_um = following_error_um(machine, 0.5 * stroke_um, job.jaws * speed_rpm / 60.0)
     key = f"I{machine.tool.motor}11"
-    limit_um = machine.controller.variables[key] / PARTS_PER_COUNT * machine.tool.count_um
+    limit_um = MotorSettings(machine, machine.tool.motor).error_limit_counts * machine.tool.count_um
     if error_um < limit_um:
         return []
     return [_refusal("cut.following_error", key, f"{error_um:.1f} um", f"< {limit_um:g} um")]

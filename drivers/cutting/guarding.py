@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from drivers.cutting.plan import CutPlan, Strategy
+from drivers.cutting.plan import CutPlan
 from drivers.lathe.guards import AxisRange, ProgramGuard
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -36,7 +36,7 @@ def cut_ranges(plan: CutPlan, machine: MachineProfile) -> tuple[AxisRange, ...]:
 
 def cut_guard(plan: CutPlan, machine: MachineProfile) -> ProgramGuard:
     """Return what judges each poll of this cut."""
-    real_time = plan.strategy is not Strategy.TIMEBASE
+    real_time = not plan.strategy.traits.spindle_time
     return ProgramGuard(Lengths(machine), cut_ranges(plan, machine), real_time=real_time)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from drivers.clock import Clock
+from drivers.controller import Controller
 from drivers.cutting.guarding import ProgramEnd
 from drivers.cutting.table_state import SWITCH, correction_counts, switch_off, table_problems
 from drivers.errors import DriverError
 from drivers.pmac import reserved
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.program_constants import ConstantsWatch
 from drivers.pmac.program_load import LoadedProgram, load_program, verify_loaded
@@ -27,7 +27,7 @@ STOPPED_BY = f"P{reserved.STOPPED_BY}"
 class Loading:
     """One machine's program. `axis_definitions` are those of the controller from its loading on."""
 
-    def __init__(self, client: PmacClient, machine: MachineProfile, clock: Clock) -> None:
+    def __init__(self, client: Controller, machine: MachineProfile, clock: Clock) -> None:
         self._client, self._machine, self._clock = client, machine, clock
         self._dialect = DIALECTS[machine.controller.family]
         self._loaded: LoadedProgram | None = None

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cutting.plan import CutPlan, Strategy
+from drivers.cutting.plan import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
 from profiles.machine import MachineProfile
@@ -25,7 +25,6 @@ LEAST_CARRIAGE_MM = 0.02
 LEAST_SPINDLE_S = 0.1
 """The time is that of the host, and one that is held up, or a simulated controller that is, loses some of it."""
 
-FOLLOWING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
 MOST_OF_LOBE = 0.5
 """Share of the lobe that a tool that follows it may be off all along: half as large, or 29 degrees late."""
 
@@ -84,7 +83,7 @@ class PathSeen:
             yield from self._spindle(turns, rows[:, 4])
         clear, in_part = rows[:, 3] < self._clear, rows[:, 3] > self._in_part
         # Only what follows the lobe has reached its path where the feed begins.
-        for among in (clear, in_part) if self._plan.strategy in FOLLOWING else (in_part,):
+        for among in (clear, in_part) if self._plan.strategy.traits.inverts else (in_part,):
             if among.sum() >= LEAST_POLLS:
                 yield from self._tool(rows[among, 1], turns[among], rows[among, 3])
 
@@ -101,7 +100,7 @@ class PathSeen:
         left, found = _left(off_um, terms[: max(4, len(turns) // POLLS_A_TERM)])
         left_um, lobe_um = np.abs(left), float(np.hypot(found[2], found[3]))
         most_um = MOST_OF_LOBE * wanted.amplitude_um + LEAST_TOOL_UM
-        if plan.strategy in FOLLOWING and lobe_um > most_um:
+        if plan.strategy.traits.inverts and lobe_um > most_um:
             value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
             yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
             return

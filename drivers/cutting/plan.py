@@ -3,29 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import StrEnum
 
+from drivers.cutting.strategy import Strategy
 from drivers.pmac.check import CheckedProgram
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import CutSetup
 from profiles.compensations.path import LobedPath
 from profiles.rules import Finding
-
-
-class Strategy(StrEnum):
-    """How the tool is locked to the spindle.
-
-    `none` keeps the tool at its depth, `paper` is Prog. 1 of Lee and Lee (2001), `pvt` inverts the servo at the
-    lobe frequency, `cam` does so in a compensation table by the angle of the spindle, `timebase` in a program
-    whose time is the turning of the spindle.
-    """
-
-    NONE = "none"
-    PAPER = "paper"
-    PVT = "pvt"
-    CAM = "cam"
-    TIMEBASE = "timebase"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

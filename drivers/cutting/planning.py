@@ -3,35 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from drivers.cutting.corrected import with_spindle, with_table
 from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings, speed_rpm, steady_moves
-from drivers.cutting.plan import CutPlan, Strategy
+from drivers.cutting.plan import CutPlan
+from drivers.cutting.strategies.traits import Made, Planning
+from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response, path_response
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedProgram, run_through
-from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import ProgramText, read_program
-from drivers.pmac.programs.cam import cam_program, correction_register
-from drivers.pmac.programs.cam_table import make_cam
-from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program, spindle_start_counts
-from drivers.pmac.programs.pvt import fits_whole_milliseconds, pvt_program
-from drivers.pmac.programs.setup import SERVO, CutSetup, cut_setup, refuse_endless
-from drivers.pmac.programs.timebase import (
-    SpindleClock,
-    released_definitions,
-    restoring_lines,
-    spindle_clock,
-    timebase_program,
-)
+from drivers.pmac.programs.pvt import fits_whole_milliseconds
+from drivers.pmac.programs.setup import SERVO, cut_setup
 from drivers.pmac.settings import settings_with
 from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
+from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, LobedPath, invert, wanted_path
 from profiles.compensations.path_bounds import path_problems
 from profiles.job import Job
@@ -39,35 +30,6 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 __all__ = ["CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Planning:
-    """What is planned: a job on a machine, the place of the cut, and the path that the part wants."""
-
-    job: Job
-    machine: MachineProfile
-    dialect: Dialect
-    setup: CutSetup
-    wanted: LobedPath
-    command: LobedPath | None = None
-    response: ServoResponse | None = None
-    trimmed: bool = False
-    in_air: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Made:
-    """What a strategy makes of it; `clock` is the spindle where it is the clock of the program."""
-
-    text: str
-    tool_start: float
-    definitions: tuple[str, ...]
-    restore: tuple[str, ...] = ()
-    table: CompensationTable | None = None
-    correction_register: str = ""
-    zero_row_z: float | None = None
-    clock: SpindleClock | None = None
 
 
 def plan_cut(
@@ -104,29 +66,35 @@ def plan_cut(
     if path is not None:
         _refuse_beyond(path, job, machine, strategy)
     turned = float(from_turn * machine.spindle.counts_per_rev)
-    planning = _Planning(
+    planning = Planning(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
         setup=cut_setup(job, machine, turned + first_spindle_counts(job, machine, strategy), lease, air_mm=air_mm),
         wanted=wanted_path(job) if path is None else path.wanted,
-        command=None if path is None else path.command,
-        response=response,
+        command=_command(job, machine, strategy, path, response),
+        ts_ms=ts_ms,
         trimmed=trimmed,
-        in_air=air_mm > 0.0,
     )
-    made = _make(planning, strategy, ts_ms)
+    _refuse_followed(machine, strategy)
+    made = strategy.traits.make(planning)
     program = _read(made.text, planning.dialect)
     if lease:
-        unleased = _make(_unleased(planning), strategy, ts_ms)
+        unleased = strategy.traits.make(_unleased(planning))
         checked = _checked(unleased, _read(unleased.text, planning.dialect), planning)
     else:
         checked = _checked(made, program, planning)
-    return _judged(planning, strategy, made, program, checked)
+    return _judged(planning, strategy, made, program, checked, in_air=air_mm > 0.0)
 
 
 def _judged(
-    planning: _Planning, strategy: Strategy, made: _Made, program: ProgramText, checked: CheckedProgram
+    planning: Planning,
+    strategy: Strategy,
+    made: Made,
+    program: ProgramText,
+    checked: CheckedProgram,
+    *,
+    in_air: bool,
 ) -> CutPlan:
     """Return the plan with everything that is found against it."""
     job, machine = planning.job, planning.machine
@@ -144,7 +112,7 @@ def _judged(
         duration_s=checked.duration_ms / 1000.0,
         findings=(
             *cut_findings(loop, checked, machine, job, rpm),
-            *(() if strategy is Strategy.NONE else leaving_findings(job, planning.wanted)),
+            *(leaving_findings(job, planning.wanted) if strategy.traits.follows_lobe else ()),
             *(clock_findings(machine) if made.clock else ()),
         ),
         checked=checked,
@@ -154,60 +122,19 @@ def _judged(
         correction_register=made.correction_register,
         zero_row_z=made.zero_row_z,
         trimmed=planning.trimmed,
-        in_air=planning.in_air,
+        in_air=in_air,
     )
 
 
 def first_spindle_counts(job: Job, machine: MachineProfile, strategy: Strategy) -> float:
     """Return where the spindle begins a cut that is planned from turn 0, in counts from its index."""
-    return spindle_start_counts(job, machine) if strategy is Strategy.PAPER else 0.0
+    begins_at = strategy.traits.begins_at
+    return 0.0 if begins_at is None else begins_at(job, machine)
 
 
-def _unleased(planning: _Planning) -> _Planning:
+def _unleased(planning: Planning) -> Planning:
     """Return the same without a lease: nobody renews one while a program is run through."""
     return replace(planning, setup=replace(planning.setup, lease=""))
-
-
-def _make(planning: _Planning, strategy: Strategy, ts_ms: int | None) -> _Made:
-    return _paper(planning, ts_ms) if strategy is Strategy.PAPER else _MAKERS[strategy](planning)
-
-
-def _paper(planning: _Planning, ts_ms: int | None) -> _Made:
-    job, machine, setup = planning.job, planning.machine, planning.setup
-    _refuse_followed(machine)
-    refuse_endless(2 * job.jaws * setup.turns)
-    text = paper_program(job, machine, setup, DEFAULT_TS_MS if ts_ms is None else ts_ms)
-    return _Made(text=text, tool_start=setup.surface, definitions=machine.controller.axis_definitions)
-
-
-def _none(planning: _Planning) -> _Made:
-    return _by_pvt(planning, replace(planning.wanted, amplitude_um=0.0))
-
-
-def _pvt(planning: _Planning) -> _Made:
-    return _by_pvt(planning, _inverse(planning, Strategy.PVT))
-
-
-def _by_pvt(planning: _Planning, command: LobedPath) -> _Made:
-    _refuse_followed(planning.machine)
-    return _Made(
-        text=pvt_program(planning.job, planning.setup, command),
-        tool_start=planning.setup.retracted,
-        definitions=planning.machine.controller.axis_definitions,
-    )
-
-
-def _cam(planning: _Planning) -> _Made:
-    job, machine, setup = planning.job, planning.machine, planning.setup
-    cam = make_cam(machine, setup, _command(planning, Strategy.CAM))
-    return _Made(
-        text=cam_program(job, machine, setup, cam, planning.dialect, trimmed=planning.trimmed),
-        tool_start=setup.retracted,
-        definitions=machine.controller.axis_definitions,
-        table=cam.table,
-        correction_register=correction_register(machine),
-        zero_row_z=cam.zero_z,
-    )
 
 
 def nominal_command(
@@ -225,40 +152,31 @@ def nominal_command(
     return invert(wanted_path(job), lambda lobes: inverted.invertible(lobes * turns_hz))
 
 
-def _command(planning: _Planning, strategy: Strategy) -> LobedPath:
-    return planning.command or nominal_command(planning.job, planning.machine, strategy, planning.response)
+def _command(
+    job: Job, machine: MachineProfile, strategy: Strategy, path: CutPath | None, response: ServoResponse | None
+) -> LobedPath:
+    """Return what the tool is told: what was learned with the path, or the inverse of the wanted one.
+
+    Raises:
+        ProblemError: `program.too_fast` with the speed that would pass, `program.no_overtones`,
+            `program.no_growth`; those of `nominal_command`.
+    """
+    if not strategy.traits.inverts:
+        return wanted_path(job) if path is None else path.wanted
+    command = nominal_command(job, machine, strategy, response) if path is None else path.command
+    if not strategy.traits.by_table:
+        _refuse_unsegmented(command, job, machine, strategy)
+    return command
 
 
-def _timebase(planning: _Planning) -> _Made:
-    """The time of a servo cycle is what the spindle has turned in the one before."""
-    job, machine, setup, dialect = planning.job, planning.machine, planning.setup, planning.dialect
-    command = _inverse(planning, Strategy.TIMEBASE)
-    definitions, _ = released_definitions(machine)
-    return _Made(
-        text=timebase_program(job, machine, setup, command, dialect),
-        tool_start=setup.retracted,
-        definitions=definitions,
-        restore=restoring_lines(machine, dialect),
-        clock=spindle_clock(job, machine, dialect),
-    )
-
-
-_MAKERS: Mapping[Strategy, Callable[[_Planning], _Made]] = {
-    Strategy.NONE: _none,
-    Strategy.PVT: _pvt,
-    Strategy.CAM: _cam,
-    Strategy.TIMEBASE: _timebase,
-}
-
-
-def _refuse_followed(machine: MachineProfile) -> None:
+def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:
     """Refuse a strategy that turns the spindle itself, where the card cannot.
 
     Raises:
         DriverError: `program.not_turned`.
     """
-    if machine.spindle.drive != SERVO:
-        value, limit = machine.spindle.drive, f"{Strategy.CAM}, {Strategy.TIMEBASE}"
+    if machine.spindle.drive != SERVO and strategy not in TURNED_BY_OTHERS:
+        value, limit = machine.spindle.drive, ", ".join(TURNED_BY_OTHERS)
         raise DriverError(Problem(code="program.not_turned", key="spindle.drive", value=value, limit=limit))
 
 
@@ -274,7 +192,7 @@ def _read(text: str, dialect: Dialect) -> ProgramText:
         raise DriverError(Problem(code="program.refused", value=str(error))) from error
 
 
-def _checked(made: _Made, program: ProgramText, planning: _Planning) -> CheckedProgram:
+def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedProgram:
     """Run a program through, with what is added to its motion and what turns beside it.
 
     Raises:
@@ -302,23 +220,21 @@ def _checked(made: _Made, program: ProgramText, planning: _Planning) -> CheckedP
     return checked if made.table is None else with_table(checked, made.table, period_ms)
 
 
-def _inverse(planning: _Planning, strategy: Strategy) -> LobedPath:
-    """Return the command of segments of whole milliseconds.
+def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
+    """Refuse a command that segments of whole milliseconds cannot make.
 
     Raises:
-        ProblemError: `program.too_fast` with the speed that would pass, `program.no_overtones`,
-            `program.no_growth`; those of `nominal_command`.
+        DriverError: `program.no_overtones`, `program.no_growth`, `program.too_fast`.
     """
-    job, machine = planning.job, planning.machine
-    command = _command(planning, strategy)
+    tables = ", ".join(BY_TABLE)
     if command.overtones:
         value = ", ".join(str(wave.lobes) for wave in command.overtones)
-        raise DriverError(Problem(code="program.no_overtones", key=strategy, value=value, limit=Strategy.CAM))
+        raise DriverError(Problem(code="program.no_overtones", key=strategy, value=value, limit=tables))
     if command.growth_per_mm:
         value = f"{100.0 * command.growth_per_mm:g} %/mm"
-        raise DriverError(Problem(code="program.no_growth", key=strategy, value=value, limit=Strategy.CAM))
+        raise DriverError(Problem(code="program.no_growth", key=strategy, value=value, limit=tables))
     if fits_whole_milliseconds(command, job.lobe_frequency_hz):
-        return command
+        return
     slower_rpm = math.floor(job.spindle_speed_rpm)
     while slower_rpm > 1 and not _fits_at(job, machine, slower_rpm):
         slower_rpm -= 1
@@ -329,7 +245,7 @@ def _inverse(planning: _Planning, strategy: Strategy) -> LobedPath:
 def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
     """Whether segments are short enough at another speed, by the profile: an identified band may end before."""
     frequency_hz = job.jaws * speed_rpm / 60.0
-    response = nominal_response(Strategy.PVT, machine, frequency_hz)
+    response = complex(sampled_response(machine, frequency_hz))
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:
         return False
     return fits_whole_milliseconds(invert(wanted_path(job), response), frequency_hz)
@@ -358,6 +274,6 @@ def _refuse_untrimmed(machine: MachineProfile, strategy: Strategy) -> None:
     Raises:
         DriverError: `program.no_trim`.
     """
-    if strategy is not Strategy.CAM or machine.spindle.drive != SERVO:
-        met = f"{strategy}, {machine.spindle.drive}"
-        raise DriverError(Problem(code="program.no_trim", value=met, limit=f"{Strategy.CAM}, {SERVO}"))
+    if strategy not in TRIMMED or machine.spindle.drive != SERVO:
+        met, limit = f"{strategy}, {machine.spindle.drive}", ", ".join((*TRIMMED, SERVO))
+        raise DriverError(Problem(code="program.no_trim", value=met, limit=limit))

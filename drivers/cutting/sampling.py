@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock
+from drivers.controller import Controller
 from drivers.cutting.plan import CutPlan
 from drivers.errors import ControllerError, DriverError, LinkTimeoutError
 from drivers.lathe.snapshot import Snapshot
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering, GatherPlan
@@ -67,7 +67,7 @@ class BatchGather:
     """Gathers one batch of a cut after another; `take` is given each when it was fetched, between two looks."""
 
     def __init__(
-        self, client: PmacClient, machine: MachineProfile, clock: Clock, round_trip: Callable[[], float]
+        self, client: Controller, machine: MachineProfile, clock: Clock, round_trip: Callable[[], float]
     ) -> None:
         """`round_trip` is how long the last look took, s."""
         self._client, self._machine, self._clock, self._round_trip = client, machine, clock, round_trip

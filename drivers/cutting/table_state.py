@@ -6,7 +6,7 @@ they add nothing, and the register is looked at before.
 
 from __future__ import annotations
 
-from drivers.pmac.client import PmacClient
+from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.cam import correction_register, register_definition
@@ -19,7 +19,7 @@ PARTS = 32
 """The register holds 1/(Ix08 x 32) count."""
 
 
-def table_problems(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
+def table_problems(client: Controller, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
     """Return what keeps a cut from being loaded: tables that are on, or a correction that was left behind.
 
     Raises:
@@ -36,7 +36,7 @@ def table_problems(client: PmacClient, machine: MachineProfile, dialect: Dialect
     return tuple(problems)
 
 
-def correction_counts(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> float:
+def correction_counts(client: Controller, machine: MachineProfile, dialect: Dialect) -> float:
     """Return what a table adds to the tool now, counts: its position is told with that in it.
 
     Raises:
@@ -47,7 +47,7 @@ def correction_counts(client: PmacClient, machine: MachineProfile, dialect: Dial
     return held / (PARTS * scale)
 
 
-def switch_off(client: PmacClient, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
+def switch_off(client: Controller, machine: MachineProfile, dialect: Dialect) -> tuple[Problem, ...]:
     """Switch tables off if the register reads 0, everything at rest; return what is then left to be done.
 
     Raises:

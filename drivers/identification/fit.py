@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.identification.result import IdentifiedResponse
 from drivers.pmac.dialect import dialect_of
 from profiles.machine import MachineProfile

@@ -14,12 +14,10 @@ from contextlib import suppress
 from dataclasses import replace
 
 from drivers.commissioning.reading import read_settings
-from drivers.cutting.plan import Strategy
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.cam_path import CamPath
 from drivers.identification.excitation import Excitation
 from drivers.identification.measuring import measure
-from drivers.identification.nominal import late_cycles
 from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
@@ -141,7 +139,7 @@ def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
 
 
 def _excitation(rig: Rig, request: IdentificationRequest) -> Excitation:
-    if request.path is Strategy.CAM:
+    if request.path.traits.by_table:
         return CamPath(rig.machine, request.amplitude_um, max(request.frequencies_hz))
     return PvtPath(rig.machine, request.amplitude_um)
 
@@ -218,7 +216,7 @@ def _leave_at_rest(rig: Rig, error: BaseException) -> None:
 
 def _late_cycles(rig: Rig, request: IdentificationRequest, excitation: Excitation) -> int:
     """Return by how many servo cycles the reference of the path comes later than what is measured here."""
-    return late_cycles(request.path, rig.machine) - excitation.late_cycles
+    return request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
 
 
 def _later(point: IdentifiedPoint, delay_s: float) -> IdentifiedPoint:

@@ -5,26 +5,16 @@ from __future__ import annotations
 import cmath
 import math
 
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import Strategy
 from profiles.axis.response import ServoResponse, model_response
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import delayed
 from profiles.machine import MachineProfile
 
-TIMEBASE_LATE_CYCLES = 1
-"""A time base counts the servo cycle that has ended."""
-
-
-def late_cycles(path: Strategy, machine: MachineProfile) -> int:
-    """Return by how many servo cycles a path sees the spindle late: motors come in the order of their numbers."""
-    if path is Strategy.CAM:
-        return int(machine.spindle.motor > machine.tool.motor)
-    return TIMEBASE_LATE_CYCLES if path is Strategy.TIMEBASE else 0
-
 
 def nominal_response(path: Strategy, machine: MachineProfile, frequency_hz: float) -> complex:
     """Return the response that a cut on this path inverts where nothing better is known."""
-    delay_s = late_cycles(path, machine) * machine.controller.servo_period_ms / 1000.0
+    delay_s = path.traits.late_cycles(machine) * machine.controller.servo_period_ms / 1000.0
     return delayed(complex(sampled_response(machine, frequency_hz)), frequency_hz, delay_s)
 
 
@@ -37,7 +27,7 @@ def loop_response(
     path: Strategy, machine: MachineProfile, response: ServoResponse, frequency_hz: float
 ) -> complex:
     """Return the loop alone at a frequency of the band: a response without the age of the path's reference."""
-    lead_s = -late_cycles(path, machine) * machine.controller.servo_period_ms / 1000.0
+    lead_s = -path.traits.late_cycles(machine) * machine.controller.servo_period_ms / 1000.0
     return delayed(response.at(frequency_hz), frequency_hz, lead_s)
 
 

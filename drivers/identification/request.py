@@ -6,15 +6,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import INVERTING, Strategy
 from drivers.identification.cam_path import return_hz, way_counts
 from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.axis.servo import drive_need, following_error_um
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-
-PATHS = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
-"""The strategies that invert the servo, each with a way of its own from the spindle to the loop."""
 
 MOST_AMPLITUDE_UM = 50.0
 LEAST_AMPLITUDE_COUNTS = 25.0
@@ -70,15 +67,15 @@ def request_problems(request: IdentificationRequest, machine: MachineProfile) ->
     if asked:
         return asked
     swings = request.frequencies_hz
-    if request.path is Strategy.CAM:
+    if request.path.traits.by_table:
         swings = (*swings, return_hz(machine, max(swings)))
     driven = (problem for f in swings for problem in _drive(machine, request.amplitude_um, f))
     return (*_once(driven), *_clearance(machine, request.amplitude_um), *_carriage(request, machine))
 
 
 def _path(request: IdentificationRequest) -> Iterator[Problem]:
-    if request.path not in PATHS:
-        yield Problem(code="identify.path", key="strategy", value=request.path, limit=" | ".join(PATHS))
+    if request.path not in INVERTING:
+        yield Problem(code="identify.path", key="strategy", value=request.path, limit=" | ".join(INVERTING))
 
 
 def _amplitude(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
@@ -151,7 +148,7 @@ def _clearance(machine: MachineProfile, amplitude_um: float) -> Iterator[Problem
 
 def _carriage(request: IdentificationRequest, machine: MachineProfile) -> Iterator[Problem]:
     """Look whether the way of the table's path fits into the travel."""
-    if request.path is not Strategy.CAM:
+    if not request.path.traits.by_table:
         return
     highest = max(request.frequencies_hz)
     way = max(way_counts(machine, highest, f, request.periods) for f in request.frequencies_hz)

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import Strategy
 from profiles.axis.response import ServoResponse, identified_response
 from profiles.own_values import positive, record, text, whole
 from profiles.problem import Problem, ProfileError

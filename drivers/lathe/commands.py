@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from drivers.controller import Controller
 from drivers.errors import LinkError, RefusedError
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import Looks
 from drivers.lathe.safety import device_problems
 from drivers.lathe.stop import StopPath
-from drivers.pmac.client import PmacClient
 from profiles.problem import Problem
 
 IN_PART = "link.line_in_part"
@@ -24,7 +24,7 @@ class Sending:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         stop: StopPath,
         looks: Looks,
         ownership: Ownership | None,

@@ -10,11 +10,10 @@ import math
 from collections.abc import Callable
 
 from drivers.clock import Clock
+from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.link.base import GONE
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.exchange import REPLY_TIMEOUT_S
 from drivers.pmac.heartbeat.arming import forbidden, heartbeat_problems, permitted, silent
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_condition, lease_timer
@@ -59,7 +58,7 @@ class Heartbeat:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         clock: Clock,
         machine: MachineProfile,
         policy: Policy | None = None,

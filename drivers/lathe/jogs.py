@@ -8,38 +8,26 @@ from functools import partial
 from drivers.cutting.loading import Loading
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.guards import JogGuard, OthersStill
-from drivers.lathe.lengths import Lengths, motor_of
+from drivers.lathe.lengths import Lengths, motor_of, settings_of
 from drivers.lathe.motion import Motion, refuse_beyond_travel
 from drivers.lathe.polling import Looks
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot, driven_axes
 from drivers.lathe.standstill import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
 from drivers.lathe.stop import StopPath
-from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.text import format_number
-from drivers.pmac.settings import PARTS_PER_COUNT, settings_with
-from drivers.pmac.trajectory.jog import change_speed, jog_settings
-from drivers.pmac.variables import VariableStore
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-READ_MS = 10.0
+READ_S = 0.01
 """Within one look position and following error of an axis are not read at one instant."""
 
 SHIFTED_COUNTS = 5.0
 """An axis that rests is commanded to one place, and told to a tenth of a count."""
 
 
-def braking_s(machine: MachineProfile, axis: AxisName) -> float:
-    """Return how long an axis takes to come to rest from the speed of its home search, Ix23."""
-    dialect = DIALECTS[machine.controller.family]
-    variables = VariableStore(settings_with(machine.controller.variables, dialect), dialect)
-    settings = jog_settings(variables, motor_of(machine, axis), 23)
-    return sum(piece.duration_ms for piece in change_speed(0.0, settings.speed, 0.0, settings)) / 1000.0
-
-
 def band_counts(machine: MachineProfile, axis: AxisName) -> float:
-    """Return the warning limit of an axis, Ix12."""
-    return machine.controller.variables[f"I{motor_of(machine, axis)}12"] / PARTS_PER_COUNT
+    """Return the following error at which an axis warns."""
+    return settings_of(machine, axis).warning_counts
 
 
 class Jogs:
@@ -77,7 +65,8 @@ class Jogs:
             self._refuse_shifted(now)
             others = self._others(axis, now)
             self._send(f"#{motor_of(self._machine, axis)}HM")
-            search = HomeSearch(axis, band_counts(self._machine, AxisName.TOOL), braking_s(self._machine, axis))
+            braking_s = settings_of(self._machine, axis).home_braking_s
+            search = HomeSearch(axis, band_counts(self._machine, AxisName.TOOL), braking_s)
             last = self._motion.until(search.is_over, timeout_s, f"home {axis}", guard=others, homing=axis)
             if search.sudden or "home_complete" not in last.axis(axis).flags:
                 self._stop.stop(f"home {axis}")
@@ -96,7 +85,7 @@ class Jogs:
         """Jog one axis to a position in counts of its motor.
 
         With `settle` it is given some time to be in position, see `Settling`; without, it is enough that it is
-        commanded to rest there and lags by less than the warning limit Ix12: the integrator of a slow loop may
+        commanded to rest there and lags by less than the warning limit: the integrator of a slow loop may
         take many seconds for the remainder.
         `held_counts` is what a compensation table adds to where it is seen.
 
@@ -123,8 +112,9 @@ class Jogs:
         now = self._looks.look()
         self._refuse_shifted(now)
         self.forget()  # until this one is over
-        speed = abs(self._machine.controller.variables[f"I{motor_of(self._machine, axis)}22"])
-        beyond, begin = speed * READ_MS + ARRIVED_COUNTS, now.axis(axis).commanded
+        settings = settings_of(self._machine, axis)
+        read_counts = settings.jog_speed * READ_S * settings.counts_per_unit
+        beyond, begin = read_counts + ARRIVED_COUNTS, now.axis(axis).commanded
         others = self._others(axis, now)
         return JogGuard(
             axis=axis, begin=begin, end=end, beyond_counts=beyond, others=others, lengths=self._lengths
@@ -175,8 +165,7 @@ class Jogs:
                 `machine.moving`, `machine.not_enabled`, and those of `to`.
         """
         here = self._ready_to_jog(AxisName.TOOL).position
-        band = self._machine.controller.variables[f"I{self._machine.tool.motor}28"] / PARTS_PER_COUNT
-        if abs(to_counts - here) <= band:
+        if abs(to_counts - here) <= settings_of(self._machine, AxisName.TOOL).in_position_counts:
             return
         if to_counts > here:
             value, limit = (self._lengths.at(AxisName.TOOL, each) for each in (to_counts, here))

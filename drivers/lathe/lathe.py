@@ -6,12 +6,13 @@ that moves is sent twice.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
 from drivers.clock import Clock
 from drivers.commissioning.settings_check import differences
+from drivers.controller import Controller
 from drivers.cutting.guarding import ProgramEnd
 from drivers.cutting.loading import STOPPED_BY, Loading
 from drivers.cutting.sampling import BatchGather
@@ -20,14 +21,13 @@ from drivers.lathe.commands import Sending
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs, band_counts
-from drivers.lathe.motion import Motion, overrun_counts
+from drivers.lathe.motion import Motion
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import LOOK_TIMEOUT_S, Looks
 from drivers.lathe.snapshot import AxisName, Snapshot, SnapshotItems, driven_axes
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.lathe.standstill import REST_S, Settling, prove_rest
 from drivers.lathe.stop import StopPath
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.cam_trim import trim_line
@@ -47,7 +47,7 @@ class Lathe:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         machine: MachineProfile,
         clock: Clock,
         stop: StopPath,
@@ -72,6 +72,7 @@ class Lathe:
         self._heartbeat = heartbeat
         self._dialect = DIALECTS[machine.controller.family]
         self._controller = machine.controller
+        self._to_restore: tuple[str, ...] = ()
         self._motors = {
             AxisName.TOOL: machine.tool.motor,
             AxisName.SPINDLE: machine.spindle.motor,
@@ -214,19 +215,17 @@ class Lathe:
         """Jog the tool out to a position in counts, see `Jogs.retract`."""
         self._jogs.retract(to_counts, timeout_s)
 
-    def overrun_counts(self, axis: AxisName) -> float:
-        """Return the way that an axis may still go after a stop in mid-jog, see `drivers.lathe.motion`."""
-        return overrun_counts(self.machine, self._motors[axis])
-
     @property
     def lease(self) -> str:
         """The condition without which a cutting program ends by itself, empty when nobody keeps a lease."""
         return "" if self._heartbeat is None else self._heartbeat.condition
 
-    def load(self, program: ProgramText, axis_definitions: tuple[str, ...] = ()) -> None:
+    def load(
+        self, program: ProgramText, axis_definitions: tuple[str, ...] = (), restore: tuple[str, ...] = ()
+    ) -> None:
         """Send a program, read it back with the constants and tables in front of it, and compare.
 
-        A program that defines axes says which are there from now on, until `restore`.
+        A program that defines axes says which are there from now on, until `put_back` sends the lines `restore`.
 
         Raises:
             ControllerError: a line was refused.
@@ -236,21 +235,21 @@ class Lathe:
         self._sending.refuse_unless_owner()
         definitions = axis_definitions or self.machine.controller.axis_definitions
         self._controller = replace(self.machine.controller, axis_definitions=definitions)
+        self._to_restore = restore
         self._loading.load(program)
         self.held = False
 
-    def restore(self, lines: Iterable[str]) -> None:
-        """Send the lines that make the controller what the machine profile says, once a cut is over and all rests.
+    def put_back(self) -> None:
+        """Set the controller as its profile says where loading has changed that, once all rests; else do nothing.
 
         Raises:
             DriverError: `machine.moving`, nothing was sent; a line was refused, or the link broke.
         """
-        lines = tuple(lines)
-        if lines:
+        if self._to_restore:
             self._sending.refuse_unless_owner()
             self._refuse_moving(self.snapshot())
-            self._loading.restore(lines)
-        self._controller = self.machine.controller
+            self._loading.restore(self._to_restore)
+        self._to_restore, self._controller = (), self.machine.controller
 
     def tables_left(self) -> tuple[Problem, ...]:
         """Return what compensation tables still add to the tool, or would: nothing before a cut, nor behind it.

@@ -13,7 +13,7 @@ from drivers.lathe.lengths import motor_of
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.analysis.findings import Value
 from drivers.pmac.analysis.units import shown_length
-from drivers.pmac.settings import PARTS_PER_COUNT
+from drivers.pmac.motor_settings import MotorSettings
 from profiles.axis.friction import ASSUMED_FRICTION_N
 from profiles.axis.tool_stiffness import tool_compliance_um_per_n
 from profiles.machine import MachineProfile
@@ -39,13 +39,14 @@ def tripping_friction_n(machine: MachineProfile) -> float:
     """Return the dry friction, N, at which the tool trips on reversal after a standstill."""
     steady = replace(machine, tool=replace(machine.tool, gain_ki_v_per_m_s=0.0))
     compliance_um_per_n = abs(complex(tool_compliance_um_per_n(steady, 0.0)))
-    return _limit_counts(machine, machine.tool.motor) * machine.tool.count_um / (2.0 * compliance_um_per_n)
+    limit_um = MotorSettings(machine, machine.tool.motor).error_limit_counts * machine.tool.count_um
+    return limit_um / (2.0 * compliance_um_per_n)
 
 
 def _of_axis(machine: MachineProfile, axis: AxisName, polls: list[Snapshot]) -> Problem:
     motor = motor_of(machine, axis)
     behind = max(abs(poll.axis(axis).following_error) for poll in polls)
-    limit = _limit_counts(machine, motor)
+    limit = MotorSettings(machine, motor).error_limit_counts
     value, allowed = (_told(shown_length(machine, motor, counts)) for counts in (behind, limit))
     allowed = f"{allowed} (I{motor}11)"
     if axis is not AxisName.TOOL:
@@ -59,7 +60,3 @@ def _told(length: dict[str, Value]) -> str:
 
 
 _ASSUMED = f"{ASSUMED_FRICTION_N:g} N"
-
-
-def _limit_counts(machine: MachineProfile, motor: int) -> float:
-    return machine.controller.variables[f"I{motor}11"] / PARTS_PER_COUNT

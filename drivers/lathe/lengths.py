@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.analysis.units import Unit, unit_of
+from drivers.pmac.motor_settings import MotorSettings
 from profiles.machine import MachineProfile
 
 _DECIMALS = {AxisName.TOOL: 4, AxisName.CARRIAGE: 3, AxisName.SPINDLE: 2}
@@ -15,6 +16,11 @@ def motor_of(machine: MachineProfile, axis: AxisName) -> int:
     """Return the number of the motor of an axis."""
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
     return dict(zip(AxisName, motors, strict=True))[axis]
+
+
+def settings_of(machine: MachineProfile, axis: AxisName) -> MotorSettings:
+    """Return what the machine profile sets the motor of an axis to."""
+    return MotorSettings(machine, motor_of(machine, axis))
 
 
 @dataclass(frozen=True, slots=True)

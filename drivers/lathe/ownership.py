@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from random import Random, SystemRandom
 
+from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.link.base import GONE
-from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import OWNER
 from profiles.problem import Problem
@@ -41,7 +41,7 @@ def exchange_line(before: float, after: int) -> str:
 class Ownership:
     """The number of this console and what the controller said last."""
 
-    def __init__(self, client: PmacClient, random: Random | None = None) -> None:
+    def __init__(self, client: Controller, random: Random | None = None) -> None:
         self.standing = Standing.OBSERVER
         self.holder = NOBODY
         self._client = client

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers.clock import Clock
+from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import Snapshot, SnapshotItems
 from drivers.lathe.stop import StopPath
 from drivers.link.base import GONE
-from drivers.pmac.client import PmacClient
 from drivers.pmac.program_constants import ConstantsWatch
 from profiles.problem import Problem
 
@@ -45,7 +45,7 @@ class Looks:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         clock: Clock,
         stop: StopPath,
         items: SnapshotItems,

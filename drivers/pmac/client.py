@@ -13,11 +13,12 @@ from contextlib import suppress
 from enum import StrEnum, auto
 
 from drivers.clock import Clock
+from drivers.controller import REPLY_TIMEOUT_S
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import GONE, Link
 from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
-from drivers.pmac.exchange import REPLY_TIMEOUT_S, Exchange
+from drivers.pmac.exchange import Exchange
 from drivers.pmac.foreseen import foresee, number_of, settings_in
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.link_faults import LinkFaults

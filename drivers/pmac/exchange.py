@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from drivers.clock import Clock
+from drivers.controller import REPLY_TIMEOUT_S
 from drivers.errors import LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
 from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_answer, shown, unmistakable
@@ -22,7 +23,6 @@ from profiles.problem import Problem
 
 CR, FLUSH = b"\r", b"\x18"
 
-REPLY_TIMEOUT_S = 2.0
 QUIET_S = 0.06
 """So long nothing comes in the middle of a reply that is on its way."""
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
 
-from drivers.pmac.client import PmacClient
+from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.foreseen import number_of
 from drivers.pmac.language.errors import PmacError
@@ -99,7 +99,7 @@ def _assigned(program: ProgramText) -> frozenset[str]:
     )
 
 
-def read_values(client: PmacClient, names: Iterable[str]) -> dict[str, float]:
+def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
     """Ask for variables, as many in a line as the controller takes.
 
     Raises:
@@ -122,7 +122,7 @@ def value_problem(constant: Constant, met: float, planned: float) -> Problem | N
 
 
 def constant_problems(
-    client: PmacClient, constants: Sequence[Constant], copied: Mapping[str, float] | None = None
+    client: Controller, constants: Sequence[Constant], copied: Mapping[str, float] | None = None
 ) -> tuple[Problem, ...]:
     """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`.
 
@@ -140,7 +140,7 @@ def constant_problems(
     return tuple(problem for problem in problems if problem is not None)
 
 
-def pointer_problems(client: PmacClient, program: ProgramText) -> Iterator[Problem]:
+def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
     """Compare the M-variable definitions in front of a program with what the controller has.
 
     Raises:
@@ -156,7 +156,7 @@ def pointer_problems(client: PmacClient, program: ProgramText) -> Iterator[Probl
             yield Problem(code="controller.constant_differs", key=f"{name}->", value=_definition(met), limit=text)
 
 
-def word_problems(client: PmacClient, program: ProgramText) -> Iterator[Problem]:
+def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
     """Compare the words of memory that are written in front of a program, such as a conversion table's.
 
     Raises:

@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
+from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import DriverError
-from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
 from drivers.pmac.compensation.table_text import definition_text, scan_definition
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
@@ -54,14 +54,14 @@ class LoadedProgram:
         return ConstantsWatch(self.constants, self.copied)
 
 
-def load_program(client: PmacClient, program: ProgramText, dialect: Dialect) -> LoadedProgram:
+def load_program(client: Controller, program: ProgramText, dialect: Dialect) -> LoadedProgram:
     """Send a program, read all of it back, and compare.
 
     Whatever goes wrong, no buffer is left open, or the error says that one may be.
 
     Raises:
         ControllerError: a line was refused; it is named.
-        LinkError: the link broke or is out of step, see `PmacClient.download`.
+        LinkError: the link broke or is out of step, see `Controller.download`.
         DriverError: `controller.program_differs`, a buffer does not hold what was sent: line, found, sent;
             `controller.constant_differs`, `controller.table_differs`.
     """
@@ -75,7 +75,7 @@ def load_program(client: PmacClient, program: ProgramText, dialect: Dialect) -> 
     return loaded
 
 
-def verify_loaded(client: PmacClient, loaded: LoadedProgram, *, ended: bool = False, tables: bool = True) -> None:
+def verify_loaded(client: Controller, loaded: LoadedProgram, *, ended: bool = False, tables: bool = True) -> None:
     """Read a program back with all that stands in front of it, and compare; nothing is written.
 
     When it has `ended`, the variables that it sets itself are left out. Without `tables` the entries of
@@ -92,7 +92,7 @@ def verify_loaded(client: PmacClient, loaded: LoadedProgram, *, ended: bool = Fa
     _verify(client, loaded, tables=tables, words=not ended)
 
 
-def _verify(client: PmacClient, loaded: LoadedProgram, *, tables: bool, words: bool) -> None:
+def _verify(client: Controller, loaded: LoadedProgram, *, tables: bool, words: bool) -> None:
     program = loaded.program
     verify_program(client, program)
     _refuse(tuple(pointer_problems(client, program)))
@@ -107,7 +107,7 @@ def _refuse(problems: tuple[Problem, ...]) -> None:
         raise DriverError(*problems)
 
 
-def verify_program(client: PmacClient, program: ProgramText) -> None:
+def verify_program(client: Controller, program: ProgramText) -> None:
     """List every motion program of a text and compare; nothing is written.
 
     Raises:
@@ -119,7 +119,7 @@ def verify_program(client: PmacClient, program: ProgramText) -> None:
         _compare(client, number, lines)
 
 
-def _compare(client: PmacClient, number: int, lines: Program) -> None:
+def _compare(client: Controller, number: int, lines: Program) -> None:
     wanted = tuple(format_line(line) for line in lines)
     found = _listing(client, number, wanted)
     if found != wanted:
@@ -138,7 +138,7 @@ def _compare(client: PmacClient, number: int, lines: Program) -> None:
             )
 
 
-def _listing(client: PmacClient, number: int, wanted: Sequence[str]) -> tuple[str, ...]:
+def _listing(client: Controller, number: int, wanted: Sequence[str]) -> tuple[str, ...]:
     """Ask for all of it at once: where a piece of a listing begins is counted in words of memory on some cards.
 
     The time allowed follows the length, so that a slow line has it, and one that broke is noticed all the same.
@@ -155,7 +155,7 @@ def _in_our_spelling(line: str) -> str:
     return line
 
 
-def _compare_table(client: PmacClient, table: TextTable, dialect: Dialect) -> None:
+def _compare_table(client: Controller, table: TextTable, dialect: Dialect) -> None:
     """Read a compensation table back: its definition, and each of its entries.
 
     Raises:

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import path_response
-from drivers.preview.outlook import INVERTING
 from drivers.preview.preview import Prediction, Underway
 from profiles.axis.friction import ASSUMED_FRICTION_N, friction_um_pp
 from profiles.axis.response import ServoResponse
@@ -81,8 +80,8 @@ def predicted_band(seen: Underway, strategy: Strategy) -> Band | None:
     made, job, machine = seen.predictions.get(strategy), seen.job, seen.machine
     if made is None:
         return None
-    inverting = strategy in INVERTING
-    path = strategy if inverting else Strategy.PVT
+    inverting = strategy.traits.inverts
+    path = strategy if inverting else DEFAULT_STRATEGY
     response = seen.response if strategy is seen.strategy else path_response(path, machine)
     holding = holding_of(machine)
     scatter_um = lobe_um_per_n(job, machine) * holding.force_sd_share * job.chucking_force_n
@@ -115,7 +114,7 @@ def _friction_um(seen: Underway, path: Strategy, response: ServoResponse, made: 
 
 def _cutting_um(job: Job, machine: MachineProfile, strategy: Strategy) -> float | None:
     """Return how the tool gives way to a cut as uneven as the lobe, p-p; one that keeps its depth cuts evenly."""
-    if strategy is Strategy.NONE:
+    if not strategy.traits.follows_lobe:
         return 0.0
     try:
         part = held_part(job, machine)

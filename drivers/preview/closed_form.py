@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.cutting.planning import Strategy
-from drivers.identification.nominal import late_cycles, loop_response, nominal_response
-from drivers.preview.outlook import INVERTING, Outlook, Response, Share, response_of, shares_of
+from drivers.cutting.strategy import Strategy
+from drivers.identification.nominal import loop_response, nominal_response
+from drivers.preview.outlook import Outlook, Response, Share, response_of, shares_of
 from drivers.preview.program_prediction import TURN_POINTS, FloatArray, left_by
 from profiles.axis.response import Source
 from profiles.axis.servo import drive_need
@@ -46,9 +46,9 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     Of a lobe E the inverse of T_hat leaves E |1 - T / T_hat| (inverse feedforward at the lobe frequency), a plain
     cut all of it.
     """
-    if strategy is Strategy.NONE:
+    if not strategy.traits.follows_lobe:
         command = replace(seen.wanted, amplitude_um=0.0, overtones=())
-    elif strategy in INVERTING and strategy is seen.strategy:
+    elif strategy.traits.inverts and strategy is seen.strategy:
         command = seen.command
     else:
         return None
@@ -62,7 +62,9 @@ def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
     if _identified(seen, strategy):
         response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))
     # What the tool is told belongs to the angle that the card knew, which the spindle has left since.
-    late_deg = late_cycles(strategy, machine) * machine.controller.servo_period_ms * job.spindle_speed_rpm * 0.006
+    late_deg = (
+        strategy.traits.late_cycles(machine) * machine.controller.servo_period_ms * job.spindle_speed_rpm * 0.006
+    )
     return ClosedForm(
         angle_deg=_TURN_DEG,
         command_um=command.at_um(_TURN_DEG - late_deg),

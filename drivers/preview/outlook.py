@@ -6,8 +6,10 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from drivers.cutting.planning import Strategy, nominal_command
+from drivers.cutting.planning import nominal_command
+from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.identification.nominal import path_response
+from drivers.pmac.motor_settings import MotorSettings
 from profiles.axis.response import ServoResponse
 from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_response
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
@@ -16,9 +18,6 @@ from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, want
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.rules import Finding, check
-
-INVERTING = (Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE)
-"""The strategies whose command is the inverse of a response."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +47,9 @@ class Outlook:
     """A job on a machine as far as it takes no program: fast enough to follow every key.
 
     `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `wanted`;
-    where it inverts nothing these are of `pvt`. `shares` are those of the sine of the command, at the speed of the
-    job. `taught` is what a measured part lets expect of one cut with what it has taught, where that is the path:
-    the model knows nothing of what was learned. None is the model's.
+    where it inverts nothing these are of the default one. `shares` are those of the sine of the command, at the
+    speed of the job. `taught` is what a measured part lets expect of one cut with what it has taught, if that is
+    the path: the model knows nothing of what was learned. None is the model's.
     """
 
     job: Job
@@ -71,7 +70,7 @@ class Outlook:
 def outlook(
     job: Job,
     machine: MachineProfile,
-    strategy: Strategy = Strategy.PVT,
+    strategy: Strategy = DEFAULT_STRATEGY,
     response: ServoResponse | None = None,
     *,
     path: CutPath | None = None,
@@ -86,7 +85,7 @@ def outlook(
         ProblemError: `response.amplified`, `response.outside_band`, `response.too_sparse`: the axis cannot be
             inverted at this speed.
     """
-    inverting = strategy if strategy in INVERTING else Strategy.PVT
+    inverting = strategy if strategy.traits.inverts else DEFAULT_STRATEGY
     inverted = path_response(inverting, machine) if response is None else response
     command = nominal_command(job, machine, inverting, inverted) if path is None else path.command
     frequency_hz = job.lobe_frequency_hz
@@ -124,7 +123,7 @@ def shares_of(machine: MachineProfile, need: DriveNeed) -> dict[str, Share]:
     voltage is there where the machine profile has that of the amplifier.
     """
     tool = machine.tool
-    fastest_mm_per_s = machine.controller.variables[f"I{tool.motor}16"] / tool.counts_per_mm * 1000.0
+    fastest_mm_per_s = MotorSettings(machine, tool.motor).program_speed
     shares = {
         "velocity_mm_per_s": Share(need=need.velocity_mm_per_s, limit=fastest_mm_per_s),
         "acceleration_m_per_s2": Share(

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
 from drivers.preview.outlook import Outlook, Response, Share, outlook
 from drivers.preview.program_prediction import Prediction, predict
 from profiles.axis.response import ServoResponse
@@ -80,7 +81,7 @@ class Preview(Underway):
 def preview(
     job: Job,
     machine: MachineProfile,
-    strategy: Strategy = Strategy.PVT,
+    strategy: Strategy = DEFAULT_STRATEGY,
     response: ServoResponse | None = None,
     *,
     path: CutPath | None = None,

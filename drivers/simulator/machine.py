@@ -157,24 +157,21 @@ class SimulatedLathe:
         """What has met since the last blank was clamped, each kind of collision once."""
         return self._floor.collisions
 
-    def set_spindle_rpm(self, rpm: float) -> None:
+    def set_spindle(self, rpm: float | None) -> None:
         """Set a spindle on an inverter at the lathe: it ramps to `rpm`, positive in the direction of the cut.
 
+        None switches it off: it runs out.
+
         Raises:
-            RuntimeError: the card drives this spindle, or it is not made for that speed.
+            RuntimeError: the controller drives this spindle, or it is not made for that speed.
         """
+        if rpm is None:
+            self._inverter().switch_off()
+            return
         most_rpm = self._machine.spindle.max_speed_rpm
         if not abs(rpm) <= most_rpm:
             raise RuntimeError(f"the spindle turns at most {most_rpm:g} rpm, not {rpm:g}")
         self._inverter().set_rpm(rpm)
-
-    def stop_spindle(self) -> None:
-        """Switch a spindle on an inverter off at the lathe; it runs out.
-
-        Raises:
-            RuntimeError: the card drives this spindle.
-        """
-        self._inverter().switch_off()
 
     def _wire_up(self) -> None:
         """Let the motor of the tool read by the scale of its axis, and the cut see where the axes are."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.axis.servo import drive_need, sampled_response
+from profiles.axis.servo_gains import error_limit_um, program_speed_mm_per_s
 from profiles.job import Job
 from profiles.machine import MachineProfile, ToolAxis
 
@@ -88,8 +89,7 @@ def envelope_row(
     tool = machine.tool
     amplitude_m = amplitude_um * 1e-6
     heat_n = math.sqrt(2 * max(tool.continuous_force_n**2 - reserved_n**2, 0.0))
-    variables = machine.controller.variables
-    fastest_m_per_s = variables[f"I{tool.motor}16"] / tool.counts_per_mm
+    fastest_m_per_s = program_speed_mm_per_s(machine) / 1000
     hz = {
         "peak_thrust": _of_force(tool, amplitude_m, tool.peak_force_n - reserved_n),
         "heat": _of_force(tool, amplitude_m, heat_n),
@@ -149,9 +149,8 @@ def _of_voltage(machine: MachineProfile, amplitude_um: float, reserved_n: float)
 def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
     """The command is A / |T|, and lags behind by A |1/T - 1|; where |T| vanishes nothing can be inverted."""
     top_hz = _nyquist_hz(machine)
-    trip_um = machine.controller.variables[f"I{machine.tool.motor}11"] / 16 * machine.tool.count_um
     following = first_beyond(
-        lambda f: amplitude_um * np.abs(1 / sampled_response(machine, f) - 1), trip_um, top_hz
+        lambda f: amplitude_um * np.abs(1 / sampled_response(machine, f) - 1), error_limit_um(machine), top_hz
     )
     loop = first_beyond(lambda f: 1 / np.abs(sampled_response(machine, f)), AMPLIFICATION_LIMIT, top_hz)
     return {"following_error": following or top_hz, "loop": loop or top_hz}

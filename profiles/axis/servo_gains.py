@@ -1,4 +1,6 @@
-"""The gains of the tool axis in V/m, and the same gains as the controller's whole numbers.
+"""What the settings of the tool motor mean: its gains in V/m, and the same as whole numbers; its limits.
+
+No other module of `profiles` reads a controller's numbers; all motors are in `drivers.pmac.motor_settings`.
 
 The controller's output in DAC bits, with following error FE, actual velocity AV, commanded velocity CV and
 acceleration CA in counts per servo cycle, and the sum IE of the following error (PMAC PID filter):
@@ -88,6 +90,16 @@ def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, 
         f"I{motor}34": 0,
         f"I{motor}35": round(acceleration * 128 / (unit * ix08 * period_s**2)),
     }
+
+
+def program_speed_mm_per_s(machine: MachineProfile) -> float:
+    """Return the highest speed of the tool in a program, Ix16 in counts/ms."""
+    return machine.controller.variables[f"I{machine.tool.motor}16"] / machine.tool.counts_per_mm * 1000
+
+
+def error_limit_um(machine: MachineProfile) -> float:
+    """Return the following error at which the controller switches the tool off, Ix11 in sixteenths of a count."""
+    return machine.controller.variables[f"I{machine.tool.motor}11"] / 16 * machine.tool.count_um
 
 
 def _volts_per_metre(machine: MachineProfile) -> float:

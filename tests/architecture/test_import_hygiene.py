@@ -21,7 +21,7 @@ BUILD_THE_PARSER = "import console.__main__; from console.cli.parser import buil
     ("code", "unwanted"),
     [
         pytest.param(BUILD_THE_PARSER, HEAVY, id="command line"),
-        pytest.param("import profiles.servo", ("scipy", "control", "matplotlib"), id="servo model"),
+        pytest.param("import profiles.axis.servo", ("scipy", "control", "matplotlib"), id="servo model"),
     ],
 )
 def test_importing_stays_light(code: str, unwanted: tuple[str, ...]) -> None:

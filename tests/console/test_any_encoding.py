@@ -172,6 +172,6 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
     assert makers == {
         "lines.py Segment",
         "plot/spans.py Segment",
-        "sheet.py to_strip",
+        "lines.py to_strip",
         "pages/setup.py Input",
     }

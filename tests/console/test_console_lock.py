@@ -18,7 +18,7 @@ from tests.console.consoles import ADDRESS
 HOLDS_AND_DIES = """
 import os, signal, sys
 from pathlib import Path
-from console.session.console_lock import take_lock
+from console.session.station.owning import take_lock
 lock = take_lock(Path(sys.argv[1]), sys.argv[2])
 lock.keep(4711)
 print("held", flush=True)

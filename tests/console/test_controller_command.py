@@ -309,7 +309,7 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
     (folder,) = package.__path__
     files = (Path(folder) / "text" / language).glob("*.toml")
     words = {key for file in files for key in tomllib.loads(file.read_text(encoding="utf-8"))}
-    sources = Path(package.__file__ or "").parents[1] / "drivers" / "pmac" / "configuration"
+    sources = Path(package.__file__ or "").parents[1] / "drivers" / "commissioning"
     code = "\n".join(path.read_text(encoding="utf-8") for path in sources.rglob("*.py"))
     said = set(re.findall(r'(?:code=|told\(\s*|_check\([\w.]+, )"([a-z_]+)"', code))
     said |= set(re.findall(r'"(\w+)" if \w+ else "\w+"', code)) | set(re.findall(r'if \w+ else "(\w+)"', code))

@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
+from console.session.cut.context import CutContext
+from console.session.cut.headless import cut_part
 from console.session.cut.interlocks import of_zero
 from console.session.cut.run import plan_run
-from console.session.cut.sequence import Shop, cut_part
 from console.session.errors import SessionError
 from drivers.cutting.planning import Strategy
 from drivers.lathe.heartbeat import Heartbeat, cut_condition
@@ -20,9 +21,12 @@ from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.shop_view import ShopView
+from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
 from profiles.store import load_job, load_machine
+from profiles.traces import Trace
 from tests.drivers.cut_floor import with_inverter
 
 Console = Callable[..., Any]
@@ -45,21 +49,25 @@ class Floor:
         heartbeat = Heartbeat(client, self.sim, machine)
         self.lathe = Lathe(client, machine, self.sim, self.stop, heartbeat=heartbeat)
         self._set_rpm = set_rpm
-        self.shop = Shop(
-            lathe=self.lathe, clamp=self.sim.mount, measure=self.sim.measure, simulated=True, turn=self.turn
-        )
+        self.context = CutContext(lathe=self.lathe, workshop=self, sets_spindle=True)
 
-    def turn(self, rpm: float | None) -> None:
-        if rpm is None:
-            self.sim.stop_spindle()
-        else:
-            self.sim.set_spindle_rpm(self._set_rpm)
+    def mount(self, job: Job) -> None:
+        self.sim.mount(job)
+
+    def measure(self) -> Trace:
+        return self.sim.measure()
+
+    def look(self) -> ShopView:
+        return self.sim.look()
+
+    def set_spindle(self, rpm: float | None) -> None:
+        self.sim.set_spindle(None if rpm is None else self._set_rpm)
 
 
 def cut(machine: MachineProfile, set_rpm: float) -> tuple[Floor, float]:
     floor = Floor(machine, set_rpm)
     plan = plan_run(JOB, machine, Strategy.TIMEBASE, lease=cut_condition(machine))
-    trace = cut_part(floor.shop, JOB, plan.cut, lambda step, detail: None).trace
+    trace = cut_part(floor.context, JOB, plan.cut, lambda step, detail: None).trace
     assert trace is not None
     return floor, evaluate(trace.angle_deg, trace.deviation_um, 50.0).ront_um
 

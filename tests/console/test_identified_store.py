@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from console.session.data.identified import load, store
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_table, from_table
 from profiles.problem import ProfileError
 

@@ -17,7 +17,7 @@ from console.session.signals import Interruption
 from console.session.station.owning import Owning
 from console.session.station.reaching import Reached
 from console.text.catalogue import load as words
-from drivers.cutting.plan import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.identification.request import IdentificationRequest
 from drivers.lathe.heartbeat import Heartbeat
 from profiles.machine import SAFETY_DEVICES, MachineProfile

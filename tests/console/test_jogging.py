@@ -14,10 +14,10 @@ from console.session.station.jogging import (
     longest_in_mm,
     longest_toward_mm,
     overrun,
-    peak_speed,
     step_of,
     tool_radius_mm,
 )
+from drivers.lathe.lengths import settings_of
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.pmac.trajectory.jog import JogSettings, jog_to
 from drivers.pmac.trajectory.pieces import Piece, position_at, velocity_at
@@ -93,12 +93,13 @@ def test_a_soft_abort_may_go_beyond_the_step_and_is_told_so(
 
 
 @pytest.mark.parametrize(("axis", "rung"), STEPS)
-def test_no_step_is_faster_than_its_peak_speed(machine: MachineProfile, axis: AxisName, rung: int) -> None:
+def test_no_step_is_faster_than_its_bound(machine: MachineProfile, axis: AxisName, rung: int) -> None:
     step = step_of(axis, rung)
     pieces = trajectory(machine, axis, step)
     end_ms = sum(piece.duration_ms for piece in pieces)
     fastest = max(at(pieces, end_ms * n / 500.0)[1] for n in range(501))
-    assert fastest <= peak_speed(machine, axis, step) + 1e-9
+    settings = settings_of(machine, axis)
+    assert fastest * 1000.0 <= settings.step_speed(step) * settings.counts_per_unit + 1e-6
 
 
 def test_a_long_step_of_the_tool_runs_on_about_half_a_millimetre(machine: MachineProfile) -> None:

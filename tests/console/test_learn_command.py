@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from console.cli.parser import build
-from console.cli.run import learn_hint, tell_cut_with
+from console.cli.run_cut import learn_hint, tell_cut_with
 from console.cli.run_order import ordered
 from console.session.data.made_parts import MadeWith, made_with
 from console.session.errors import SessionError

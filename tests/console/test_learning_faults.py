@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from console.session.cut.context import CutContext
+from console.session.cut.engine import Step
 from console.session.cut.run import plan_run
-from console.session.cut.sequence import Shop, Step
 from console.session.learning import learning
 from console.session.learning.learning import learn
 from console.text.catalogue import load
@@ -44,12 +45,12 @@ class Row:
     due_s: float | None = None
     met: list[Snapshot] = field(default_factory=list)
 
-    def shop(self) -> Shop:
+    def shop(self) -> CutContext:
         link = MemoryLink(self.sim.connect(), self.sim)
         client = PmacClient(link, self.sim)
         heartbeat = Heartbeat(client, self.sim, MACHINE)
         lathe = Lathe(client, MACHINE, self.sim, StopPath(link), seen=self.see, heartbeat=heartbeat)
-        return Shop(lathe=lathe, clamp=self.sim.mount, measure=self.sim.measure, simulated=True)
+        return CutContext(lathe=lathe, workshop=self.sim)
 
     def tell(self, part: str, step: Step, _: str) -> None:
         if part == "part" and step is Step.CUT:

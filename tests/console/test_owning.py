@@ -201,12 +201,13 @@ def test_who_was_pushed_aside_says_nothing_more_to_the_card_but_a_stop(
     second.owning.take_over()
     first.lathe.snapshot()
     first.hear()
+    first.lathe._to_restore = ("P1=1",)
     orders: tuple[Callable[[], object], ...] = (
         first.lathe.enable,
         first.lathe.switch_off,
         first.lathe.hold,
         first.lathe.tables_left,
-        lambda: first.lathe.restore(("P1=1",)),
+        first.lathe.put_back,
     )
     for order in orders:
         with pytest.raises(RefusedError) as error:

@@ -35,7 +35,7 @@ RUN = {
 BEGINS = f"""
 import signal, sys
 from pathlib import Path
-from console.session.records import RunRecord
+from console.session.data.records import RunRecord
 data, machine, *kinds = sys.argv[1:]
 record = RunRecord(Path(data), {{**{RUN!r}, "machine": machine}}, open_patience_s=60.0, patience_s=60.0)
 for kind in kinds:

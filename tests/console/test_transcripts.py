@@ -15,7 +15,8 @@ from random import Random
 
 import pytest
 
-from console.session.cut.sequence import CutOutcome, Shop, cut_part
+from console.session.cut.context import CutContext
+from console.session.cut.headless import CutOutcome, cut_part
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -62,7 +63,7 @@ def transcript(family: str, strategy: Strategy) -> tuple[tuple[str, ...], CutOut
     plan = plan_cut(job, machine, strategy, lease=lathe.lease)
     lathe.connect()
     lathe.claim()
-    shop = Shop(lathe=lathe, clamp=sim.mount, measure=sim.measure, simulated=True)
+    shop = CutContext(lathe=lathe, workshop=sim)
     outcome = cut_part(shop, job, plan, lambda step, detail: None)
     lathe.release()
     link.close()

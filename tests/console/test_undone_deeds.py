@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.hostile_host import KINDS, Attack, make
 from benchmarks.hostile_lines import Deed
-from console.session.cut.sequence import Step
+from console.session.cut.engine import Step
 
 
 @pytest.mark.parametrize(

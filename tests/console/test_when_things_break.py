@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 
+from console.session.cut.context import CutContext
+from console.session.cut.engine import Step
+from console.session.cut.headless import cut_part
 from console.session.cut.run import plan_run
-from console.session.cut.sequence import Shop, Step, cut_part
 from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.text.catalogue import load
@@ -45,12 +47,12 @@ def plan() -> CutPlan:
 
 
 @pytest.fixture
-def shop() -> tuple[Shop, SimulatedLathe]:
+def shop() -> tuple[CutContext, SimulatedLathe]:
     simulated = SimulatedLathe(MACHINE)
     link = MemoryLink(simulated.connect(), simulated)
     stop = StopPath(link)
     lathe = Lathe(PmacClient(link, simulated), MACHINE, simulated, stop)
-    opened = Shop(lathe=lathe, clamp=simulated.mount, measure=simulated.measure, simulated=True)
+    opened = CutContext(lathe=lathe, workshop=simulated)
     return opened, simulated
 
 
@@ -71,7 +73,7 @@ def moving(simulated: SimulatedLathe) -> bool:
 
 
 def test_a_fault_of_the_console_stops_the_machine_and_is_told(
-    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
 ) -> None:
     opened, simulated = shop
     with pytest.raises(SessionError) as fault:
@@ -81,7 +83,7 @@ def test_a_fault_of_the_console_stops_the_machine_and_is_told(
     assert not moving(simulated)
 
 
-def test_a_stop_with_the_tool_in_the_part_says_so(shop: tuple[Shop, SimulatedLathe], plan: CutPlan) -> None:
+def test_a_stop_with_the_tool_in_the_part_says_so(shop: tuple[CutContext, SimulatedLathe], plan: CutPlan) -> None:
     opened, simulated = shop
     original = simulated.wait
 
@@ -101,7 +103,7 @@ def test_a_stop_with_the_tool_in_the_part_says_so(shop: tuple[Shop, SimulatedLat
 
 
 def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
-    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
 ) -> None:
     opened, simulated = shop
     original = simulated.wait
@@ -132,7 +134,7 @@ def test_a_tool_that_sticks_says_how_far_it_was_behind_and_what_friction_does_th
     simulated = SimulatedLathe(MACHINE, replace(ideal(MACHINE), coulomb_friction_n=friction_n))
     link = MemoryLink(simulated.connect(), simulated)
     lathe = Lathe(PmacClient(link, simulated), MACHINE, simulated, StopPath(link))
-    sticky = Shop(lathe=lathe, clamp=simulated.mount, measure=simulated.measure, simulated=True)
+    sticky = CutContext(lathe=lathe, workshop=simulated)
     planned = plan_run(job, MACHINE, Strategy.NONE).cut
     if not trips:
         assert cut_part(sticky, job, planned, lambda step, detail: None).trace is not None
@@ -148,7 +150,7 @@ def test_a_tool_that_sticks_says_how_far_it_was_behind_and_what_friction_does_th
 
 
 def test_a_stop_before_the_zeros_are_found_does_not_say_where_the_tool_stands(
-    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
 ) -> None:
     opened, simulated = shop
     original = simulated.wait
@@ -170,7 +172,7 @@ def _settings(simulated: SimulatedLathe) -> dict[int, float]:
 
 
 def test_settings_that_differ_refuse_the_cut_and_leave_the_machine_alone(
-    shop: tuple[Shop, SimulatedLathe], plan: CutPlan
+    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
 ) -> None:
     opened, simulated = shop
     simulated.controller.variables.replace_i({**_settings(simulated), 115: 0.25, 500: 1.0})
@@ -182,7 +184,7 @@ def test_settings_that_differ_refuse_the_cut_and_leave_the_machine_alone(
 
 
 def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
-    shop: tuple[Shop, SimulatedLathe], plan: CutPlan, tmp_path: Path
+    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan, tmp_path: Path
 ) -> None:
     opened, simulated = shop
     record = RunRecord(tmp_path, RUN, patience_s=0.3)

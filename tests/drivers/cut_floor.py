@@ -94,7 +94,7 @@ class CutFloor:
         card.settle()
         card.sim.wait(0.5)
         if self.turned_apart:
-            card.sim.set_spindle_rpm(self.job.spindle_speed_rpm)
+            card.sim.set_spindle(self.job.spindle_speed_rpm)
             card.sim.wait(5.0)
         for recorder in self._recorders.values():
             recorder.commands.clear()

@@ -357,7 +357,7 @@ def test_the_card_does_not_move_a_spindle_that_is_set_at_the_lathe(machine: Mach
     port.receive(b"#2O50\r")
     lathe.wait(1.0)
     assert motor.actual == 0.0
-    lathe.set_spindle_rpm(600.0)
+    lathe.set_spindle(600.0)
     lathe.wait(3.0)
     before = motor.actual
     lathe.wait(1.0)
@@ -366,7 +366,7 @@ def test_the_card_does_not_move_a_spindle_that_is_set_at_the_lathe(machine: Mach
     port.receive(b"\x0b")
     lathe.wait(1.0)
     assert motor.actual - before > 1.9 * 10.0 * TURN - 1000
-    lathe.stop_spindle()
+    lathe.set_spindle(None)
     lathe.wait(30.0)
     before = motor.actual
     lathe.wait(1.0)
@@ -376,16 +376,16 @@ def test_the_card_does_not_move_a_spindle_that_is_set_at_the_lathe(machine: Mach
 def test_a_spindle_of_the_card_cannot_be_set_at_the_lathe(machine: MachineProfile) -> None:
     lathe = SimulatedLathe(machine)
     with pytest.raises(RuntimeError, match="no inverter"):
-        lathe.set_spindle_rpm(100.0)
+        lathe.set_spindle(100.0)
     with pytest.raises(RuntimeError, match="no inverter"):
-        lathe.stop_spindle()
+        lathe.set_spindle(None)
 
 
 @pytest.mark.parametrize("rpm", [3000.1, -3001.0, math.nan, math.inf])
 def test_a_speed_that_the_spindle_is_not_made_for_is_refused(machine: MachineProfile, rpm: float) -> None:
     lathe = SimulatedLathe(with_inverter(machine))
     with pytest.raises(RuntimeError, match="at most 3000 rpm"):
-        lathe.set_spindle_rpm(rpm)
+        lathe.set_spindle(rpm)
 
 
 def test_an_encoder_behind_a_belt_counts_its_own_turns(machine: MachineProfile) -> None:

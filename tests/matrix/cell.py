@@ -9,11 +9,11 @@ from typing import cast
 
 import pytest
 
+from console.session.cut.context import Workshop
 from console.session.errors import SessionError
 from console.session.station.intents import Measure
 from console.session.station.orders import measure
 from console.session.station.state import Activity
-from console.session.station.workplace import ShopFloor
 from drivers.cutting.planning import Strategy
 from tests.branching import Branching
 from tests.matrix.checks import (
@@ -130,7 +130,7 @@ def _may_be_measured(rig: Rig) -> bool:
     """Whether the cut counts as done; of another one the order to measure is refused, past all else against it."""
     if rig.state.cut_done:
         return True
-    rig.place.shop = cast(ShopFloor, object())  # a gauge is there; it is not asked
+    rig.place.shop = cast(Workshop, object())  # a gauge is there; it is not asked
     with pytest.raises(SessionError) as refused:
         measure(rig.place, Measure())
     assert [problem.code for problem in refused.value.problems] == ["session.nothing_cut"]

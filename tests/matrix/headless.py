@@ -10,7 +10,9 @@ from pathlib import Path
 from signal import SIGINT
 from typing import cast
 
-from console.session.cut.sequence import Shop, Step, cut_part
+from console.session.cut.context import CutContext
+from console.session.cut.engine import Step
+from console.session.cut.headless import cut_part
 from console.session.errors import Interrupted
 from console.session.signals import Interruption
 from console.session.station.owning import Owning
@@ -18,6 +20,8 @@ from console.session.station.reaching import guard, leave
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.simulator.plant.shop_view import ShopView
+from profiles.job import Job
 from profiles.problem import ProblemError
 from profiles.traces import Trace
 from tests.branching import Branching
@@ -124,17 +128,11 @@ class Made:
     def cut(self) -> tuple[End, tuple[str, ...]]:
         """Make it; return how it has ended, and why."""
         watched = self.watched
-        shop = Shop(
-            lathe=watched.lathe,
-            clamp=watched.sim.mount,
-            measure=self._measure,
-            simulated=True,
-            admit=self.owning.claim,
-        )
+        context = CutContext(lathe=watched.lathe, workshop=self, admit=self.owning.claim)
         if self._way.early:
             self._happen()
         try:
-            cut_part(shop, short_job(), self.plan, self._told)
+            cut_part(context, short_job(), self.plan, self._told)
         except ProblemError as error:
             codes = tuple(dict.fromkeys(problem.code for problem in error.problems))
             if watched.stop.reason is None:
@@ -152,9 +150,18 @@ class Made:
             if self.row == INTERRUPT:
                 self._interruption.end(SIGINT.name)
 
-    def _measure(self) -> Trace:
+    def mount(self, job: Job) -> None:
+        self.watched.sim.mount(job)
+
+    def measure(self) -> Trace:
         self.measured = True
         return cast(Trace, None)
+
+    def look(self) -> ShopView:
+        return self.watched.sim.look()
+
+    def set_spindle(self, rpm: float | None) -> None:
+        self.watched.sim.set_spindle(rpm)
 
     def _told(self, step: Step, _: str) -> None:
         self._step = step

@@ -37,7 +37,7 @@ JOB = load_job("lee-2001-experiment-1").job
 PARENT = """
 import sys, time
 from pathlib import Path
-from drivers.simulator.process import SimulatorProcess
+from drivers.simulator.hosts.process import SimulatorProcess
 simulator = SimulatorProcess.start(Path(sys.argv[1]))
 print(simulator._child._process.pid, simulator.address.device, flush=True)
 time.sleep(60)

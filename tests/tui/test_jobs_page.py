@@ -249,7 +249,7 @@ def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
 
 def test_the_page_needs_no_numerics() -> None:
     """It is painted first; numbers, plots and plans are loaded after it."""
-    heavy = "('numpy', 'scipy', 'control', 'plotext', 'sqlite3', 'drivers.cut')"
+    heavy = "('numpy', 'scipy', 'control', 'plotext', 'sqlite3', 'drivers.cutting.planning')"
     program = f"import sys, console.tui.pages.jobs\nprint([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True)
     assert done.stdout.strip() == "[]"

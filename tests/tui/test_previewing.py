@@ -16,7 +16,7 @@ from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import Activity
-from console.session.work import STRATEGIES, Work, edited, opened, undone, with_strategy
+from console.session.work import Work, edited, opened, undone, with_strategy
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
@@ -106,7 +106,7 @@ def finished(previewer: Previewer, work: Work) -> Work:
 
 def there(work: Work) -> list[str]:
     assert work.outlook is not None
-    return [name for name in STRATEGIES if Strategy(name) in work.outlook.strategies]
+    return [each.value for each in Strategy if each in work.outlook.strategies]
 
 
 def test_the_page_has_the_new_numbers_while_the_programs_are_still_computed(
@@ -143,8 +143,8 @@ def test_the_page_has_the_new_numbers_while_the_programs_are_still_computed(
     assert re.search(r"40\.0 / +(55\.2|…) Hz", early)
     assert "20 um/div" in early
     assert text("preview_page.next_wait") in early
-    rows = [row for row in early.split("\n") for name in STRATEGIES if f" {name} " in row and "… um" in row]
-    assert len(rows) == len(STRATEGIES)
+    rows = [row for row in early.split("\n") for name in Strategy if f" {name} " in row and "… um" in row]
+    assert len(rows) == len(Strategy)
     assert text("preview_page.checking") in early
     # Then every figure is that of the program, where its place was kept.
     made = preview(work.job, work.machine.machine)
@@ -171,9 +171,9 @@ def test_the_programs_come_one_by_one_that_of_the_chosen_strategy_first(planner:
     work = ticked(previewer, work)
     assert there(work) == ["timebase"]
     assert work.preview is None
-    planner.let(4)
+    planner.let(len(Strategy) - 1)
     work = finished(previewer, work)
-    assert sorted(there(work)) == sorted(STRATEGIES)
+    assert sorted(there(work)) == sorted(Strategy)
     assert work.preview is work.outlook
     assert ticked(previewer, work) is work
 
@@ -197,13 +197,13 @@ def test_nothing_is_computed_twice(planner: Planner) -> None:
     first = finished(previewer, ticked(previewer, short()))
     second = finished(previewer, ticked(previewer, at_speed(first, 900.0)))
     for work in (second, undone(second)):
-        for strategy in STRATEGIES:
+        for strategy in Strategy:
             # One tick, and all is there.
             seen = previewer.refreshed(with_strategy(work, strategy), Alignment())
             assert seen.preview is not None
             assert seen.preview.strategy == strategy
             assert seen.preview.job == work.job
-    assert planner.count == 2 * len(STRATEGIES)
+    assert planner.count == 2 * len(Strategy)
 
 
 def test_a_learned_path_asks_for_one_program_more(planner: Planner) -> None:
@@ -217,14 +217,14 @@ def test_a_learned_path_asks_for_one_program_more(planner: Planner) -> None:
         work = previewer.refreshed(work, Alignment(), path=path)
     assert work.outlook is not None
     assert work.outlook.command == path.command
-    assert there(work) == [name for name in STRATEGIES if name != "cam"]
+    assert there(work) == [name for name in Strategy if name != "cam"]
     thread = previewer._thread
     assert thread is not None
     thread.join(STRETCH_S)
     work = previewer.refreshed(work, Alignment(), path=path)
     assert work.preview is not None
     assert work.preview.predictions[Strategy.CAM].ront_um > made.predictions[Strategy.CAM].ront_um + 1.0
-    assert planner.count == len(STRATEGIES) + 1
+    assert planner.count == len(Strategy) + 1
 
 
 def test_an_axis_that_cannot_be_inverted_says_so_at_once(planner: Planner) -> None:
@@ -269,5 +269,5 @@ def test_nothing_on_the_page_jumps_when_a_program_is_there(strategy: Strategy) -
         before, after = ([re.sub(r"[\d.]+", "#", row) for row in each] for each in needs)
         assert before == after
     assert [len(row) for row in rows[0]] == [len(row) for row in rows[1]]
-    assert sum("…" in row for row in rows[0]) >= len(STRATEGIES)
+    assert sum("…" in row for row in rows[0]) >= len(Strategy)
     assert not any("…" in row for row in rows[1])

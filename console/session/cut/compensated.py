@@ -10,34 +10,19 @@ from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.learned_store import accepted, asked_for, versions
-from console.session.stages import FOLLOWING, Stage, staged
+from console.session.stages import Stage
 from console.session.work import Work
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import INVERTING, Strategy
 from profiles.compensations.learned import LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.job import Job
-from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 
 
-def path_of(
-    job: Job,
-    filed: Job,
-    machine: MachineProfile,
-    strategy: Strategy,
-    stage: Stage,
-    compensation: LearnedCompensation | None,
-) -> CutPath | None:
-    """Return the path of a cut, None as for `plan_cut`; `job` is `filed` with jaw 1 where it was found.
-
-    Raises:
-        ProblemError: as `staged`.
-    """
-    learned = None
-    if compensation is not None:
-        learned = compensation.path.turned(job.lobe_phase_deg - filed.lobe_phase_deg)
-    return staged(job, machine, strategy, stage, learned)
+def path_of(job: Job, filed: Job, compensation: LearnedCompensation | None) -> CutPath | None:
+    """Return the learned path of a cut, None for the model's; `job` is `filed` with jaw 1 where it was found."""
+    return None if compensation is None else compensation.path.turned(job.lobe_phase_deg - filed.lobe_phase_deg)
 
 
 def compensation_problems(
@@ -59,8 +44,8 @@ def compensation_problems(
         problems.append(Problem(code="learned.edited", key=str(compensation.version)))
     elif compensation is not None and loaded is not None:
         problems += differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
-    if stage is Stage.PARTIAL and strategy not in FOLLOWING:
-        limit = " | ".join(FOLLOWING)
+    if stage is Stage.PARTIAL and not strategy.traits.inverts:
+        limit = " | ".join(INVERTING)
         problems.append(Problem(code="stage.strategy", key=stage, value=strategy, limit=limit))
     return tuple(problems)
 

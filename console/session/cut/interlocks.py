@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
-from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategies.traits import AngleZero
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -45,7 +47,7 @@ def of_lobe(job: Job, machine: MachineProfile, strategy: Strategy, *, simulated:
 
     A plain cut uses no error. A simulated lathe may be cut on when nobody can tell: that is a warning of the job.
     """
-    found = () if strategy is Strategy.NONE else (force_as_measured(job), *lobe_as_found(job, machine))
+    found = (force_as_measured(job), *lobe_as_found(job, machine)) if strategy.traits.follows_lobe else ()
     problems = tuple(finding.problem for finding in found if finding.severity is not Severity.OK)
     borne = ("rule.lobe_unstated",) if simulated else ()
     return Interlock(name="lobe_as_found", problems=tuple(p for p in problems if p.code not in borne))
@@ -91,9 +93,10 @@ def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> 
     the spindle's time counts from the index, as the file of a job does.
     """
     code = ""
-    if machine.spindle.followed and strategy is Strategy.CAM and not jaw_found:
+    counts_from = strategy.traits.counts_from if machine.spindle.followed else None
+    if counts_from is AngleZero.SWITCH_ON and not jaw_found:
         code = "cut.zero_unknown"
-    elif machine.spindle.followed and strategy is Strategy.TIMEBASE and jaw_found:
+    elif counts_from is AngleZero.INDEX and jaw_found:
         code = "cut.index_unknown"
     return Interlock(name="zero_known", problems=(Problem(code=code, key=strategy),) if code else ())
 

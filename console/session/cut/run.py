@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from console.session.cut.interlocks import of_job, of_lobe, of_program, of_zero, refuse_unless
-from console.session.cut.sequence import CutOutcome, Shop, Step, cut_part
+from console.session.cut.context import CutContext
+from console.session.cut.engine import Step
+from console.session.cut.headless import CutOutcome, cut_part
+from console.session.cut.planning import planned, refuse_unplannable
 from console.session.cut.telemetry import CutFigures
-from console.session.stages import Stage, air_mm, staged
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from console.session.stages import Stage
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from profiles.compensations.path import CutPath, Expected, expected
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -22,6 +25,10 @@ FILTER_UPR = 50.0
 """Cut-off of the filter that before and after are compared with."""
 
 _PARTS = {Stage.AIR: "air", Stage.PARTIAL: "partial", Stage.FULL: "after"}
+
+
+TellPart = Callable[[str, Step, str], None]
+"""Takes each step: the part, what is done to it, and a detail that needs no translation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,12 +118,9 @@ def plan_run(
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
-    zero = of_zero(machine, strategy, jaw_found=False)
-    refuse_unless(of_job(job, machine, where), zero, of_lobe(job, machine, strategy, simulated=simulated))
-    path = staged(job, machine, strategy, stage, path)
-    cut = plan_cut(job, machine, strategy, ts_ms, lease=lease, path=path, air_mm=air_mm(job, stage))
+    refuse_unplannable(job, machine, strategy, jaw_found=False, simulated=simulated, where=where)
+    cut = planned(job, machine, strategy, stage, path, lease=lease, ts_ms=ts_ms)
     reference = None if stage is Stage.AIR else _reference(job, machine, cut, lease)
-    refuse_unless(*(of_program(each) for each in (cut, reference) if each is not None))
     findings = (*check(job, machine), *cut.findings)
     warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
     return RunPlan(
@@ -132,12 +136,14 @@ def plan_run(
 
 
 def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> CutPlan | None:
-    if cut.strategy is Strategy.NONE:
+    if not cut.strategy.traits.follows_lobe:
         return cut
-    return None if machine.spindle.followed else plan_cut(job, machine, Strategy.NONE, lease=lease)
+    if machine.spindle.followed:
+        return None
+    return planned(job, machine, UNCOMPENSATED, Stage.FULL, None, lease=lease)
 
 
-def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step, str], None]) -> RunResult:
+def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -> RunResult:
     """Cut the reference part and the compensated part, each on a machine of its own, and compare them.
 
     `tell` is told the part ("before", or as `run_once`), the step and a detail.
@@ -145,18 +151,18 @@ def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step,
     Raises:
         ProblemError: what went wrong; see `cut_part`.
     """
-    shop = open_shop()
+    context = open_machine()
     if plan.reference is None:
-        return run_once(plan, shop, tell)
-    before = cut_part(shop, plan.job, plan.reference, lambda step, detail: tell("before", step, detail))
+        return run_once(plan, context, tell)
+    before = cut_part(context, plan.job, plan.reference, lambda step, detail: tell("before", step, detail))
     after = before
     if plan.cut is not plan.reference:
-        shop.lathe.stop.check()
-        shop = open_shop()
-        after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
+        context.lathe.stop.check()
+        context = open_machine()
+        after = cut_part(context, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
     return RunResult(
         plan=plan,
-        simulated=shop.simulated,
+        simulated=context.simulated,
         before=_roundness(before),
         after=_roundness(after),
         figures=after.figures,
@@ -165,7 +171,7 @@ def run(plan: RunPlan, open_shop: Callable[[], Shop], tell: Callable[[str, Step,
     )
 
 
-def run_once(plan: RunPlan, shop: Shop, tell: Callable[[str, Step, str], None]) -> RunResult:
+def run_once(plan: RunPlan, context: CutContext, tell: TellPart) -> RunResult:
     """Cut the compensated part alone, on a machine that is there; what was cut in air is not measured.
 
     `tell` is told the part ("after", "partial" or "air"), the step and a detail.
@@ -173,12 +179,16 @@ def run_once(plan: RunPlan, shop: Shop, tell: Callable[[str, Step, str], None]) 
     Raises:
         ProblemError: what went wrong; see `cut_part`.
     """
-    if plan.stage is Stage.AIR:
-        shop = replace(shop, measure=None)
-    after = cut_part(shop, plan.job, plan.cut, lambda step, detail: tell(_PARTS[plan.stage], step, detail))
+    after = cut_part(
+        context,
+        plan.job,
+        plan.cut,
+        lambda step, detail: tell(_PARTS[plan.stage], step, detail),
+        measured=plan.stage is not Stage.AIR,
+    )
     return RunResult(
         plan=plan,
-        simulated=shop.simulated,
+        simulated=context.simulated,
         before=None,
         after=_roundness(after),
         figures=after.figures,
@@ -187,8 +197,10 @@ def run_once(plan: RunPlan, shop: Shop, tell: Callable[[str, Step, str], None]) 
     )
 
 
-def _roundness(outcome: CutOutcome) -> RoundnessResult | None:
-    trace = outcome.trace
-    if trace is None:
-        return None
+def roundness_of(trace: Trace) -> RoundnessResult:
+    """Return the roundness by which parts are compared."""
     return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
+
+
+def _roundness(outcome: CutOutcome) -> RoundnessResult | None:
+    return None if outcome.trace is None else roundness_of(outcome.trace)

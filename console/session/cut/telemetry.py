@@ -5,10 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
 from profiles.machine import MachineProfile
+
+LEAST_PEAK_UM = 1.0
+"""No tool error is so small that twice as much would already be the tool leaving the part."""
+
+Row = tuple[float, float, float, float, float]
+"""Time in s; tool and spindle in counts; way past the middle of the cut in mm; following error in counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +36,11 @@ class CutFigures:
     samples: int
 
 
+def is_leaving(error_um: float, peak_um: float) -> bool:
+    """Whether a tool that was told to end the cut is on its way out: no error was as large before."""
+    return abs(error_um) > 2.0 * max(peak_um, LEAST_PEAK_UM)
+
+
 class Telemetry:
     """Collects snapshots of the time in which the carriage is over the part and the tool is in it."""
 
@@ -41,31 +53,43 @@ class Telemetry:
         # The last turn is left out: in it the tool may already be on its way out.
         self._first, self._last = end - length, end - plan.setup.carriage_per_turn
         self._over = False
-        self._rows: list[tuple[float, float, float, float, float]] = []
+        self._rows: list[Row] = []
 
-    def see(self, snapshot: Snapshot) -> None:
-        """Take what belongs to the cut, leave the rest."""
-        tool = snapshot.tool
-        if self._rows and tool.position < self._plan.setup.surface:
+    def see(self, snapshot: Snapshot, *, holding: bool) -> None:
+        """Take what belongs to the cut; `holding` says that the program was asked to end after this turn."""
+        row = self._row(snapshot)
+        if self._rows and (snapshot.tool.position < self._plan.setup.surface or (holding and self._leaves(row))):
             # A program may go back over the part with the tool out: the cut is over.
             self._over = True
         if self._over or not snapshot.program_running:
             return
         if self._first <= snapshot.carriage.position <= self._last:
-            past_mm = (snapshot.carriage.position - self._plan.setup.carriage_middle) / self._counts_per_mm
-            place = tool.position, snapshot.spindle.position, past_mm
-            self._rows.append((snapshot.at_s, *place, tool.following_error))
+            self._rows.append(row)
+
+    def _row(self, snapshot: Snapshot) -> Row:
+        tool, spindle = snapshot.tool, snapshot.spindle
+        past_mm = (snapshot.carriage.position - self._plan.setup.carriage_middle) / self._counts_per_mm
+        return snapshot.at_s, tool.position, spindle.position, past_mm, tool.following_error
+
+    def _leaves(self, row: Row) -> bool:
+        """Whether a hold takes the tool out while the carriage still stands over the part."""
+        return is_leaving(self._errors_um([row])[0], np.abs(self._errors_um(self._rows)).max())
+
+    def _errors_um(self, rows: list[Row]) -> NDArray[np.float64]:
+        """Return the tool against the target path at the spindle angle of each row, infeed positive."""
+        _, tool, spindle, past_mm, _ = np.array(rows, dtype=np.float64).T
+        infeed_um = (tool - self._plan.setup.surface) * self._machine.tool.count_um
+        angle_deg = 360.0 * spindle / self._machine.spindle.counts_per_rev
+        return np.asarray(infeed_um - self._plan.wanted.at_um(angle_deg, past_mm))
 
     def figures(self) -> CutFigures | None:
         """Return the figures, None when fewer than two looks fell into the cut."""
         if len(self._rows) < 2:
             return None
-        at_s, tool, spindle, past_mm, following = np.array(self._rows).T
-        count_um = self._machine.tool.count_um
+        at_s, _, spindle, _, following = np.array(self._rows).T
         turns = spindle / self._machine.spindle.counts_per_rev
-        infeed_um = (tool - self._plan.setup.surface) * count_um
-        error_um = infeed_um - self._plan.wanted.at_um(360.0 * turns, past_mm)
-        following_um = following * count_um
+        error_um = self._errors_um(self._rows)
+        following_um = following * self._machine.tool.count_um
         return CutFigures(
             # The slope through all looks: the times of single ones are known to some milliseconds only.
             spindle_speed_rpm=float(60.0 * np.polyfit(at_s - at_s[0], turns, 1)[0]),

@@ -10,13 +10,16 @@ import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 
 from console.session.data.dates import utc_now
 from console.session.data.record_file import FILE_NAME, opened, patiently, record_error
 from console.session.data.running import RunMark
 from console.session.errors import SessionError
+from drivers.cutting.plan import CutPlan
 from profiles.own_values import from_json, number, text
+from profiles.store import LoadedMachine
 
 OPEN_PATIENCE_S = 30.0
 """How long other writers are waited for before anything has been started."""
@@ -25,6 +28,35 @@ DRIVES_ON_PATIENCE_S = 5.0
 """The same where the drives may be on meanwhile."""
 
 GONE = "file gone"
+
+
+def begin_record(
+    folder: Path,
+    job: str,
+    job_sha256: str,
+    machine: LoadedMachine,
+    plan: CutPlan,
+    *,
+    simulated: bool,
+    open_patience_s: float = DRIVES_ON_PATIENCE_S,
+    patience_s: float = DRIVES_ON_PATIENCE_S,
+) -> RunRecord:
+    """Begin the record of a run that cuts `plan`, by the name and the contents of its job.
+
+    Raises:
+        SessionError: as `RunRecord`.
+    """
+    described = {
+        "software": f"trilobe {version('trilobe')}",
+        "job": job,
+        "job_sha256": job_sha256,
+        "machine": machine.machine.name,
+        "machine_sha256": machine.sha256,
+        "simulated": int(simulated),
+        "strategy": plan.strategy.value,
+        "program": plan.text,
+    }
+    return RunRecord(folder, described, open_patience_s=open_patience_s, patience_s=patience_s)
 
 
 class RunRecord:

@@ -12,15 +12,18 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from console.session.cut.interlocks import of_program, refuse_unless
-from console.session.cut.run import FILTER_UPR, RunPlan
-from console.session.cut.sequence import Beside, CutOutcome, Shop, Step, cut_part
+from console.session.cut.context import CutContext
+from console.session.cut.engine import Step
+from console.session.cut.headless import Beside, CutOutcome, cut_part
+from console.session.cut.planning import planned
+from console.session.cut.run import FILTER_UPR, RunPlan, TellPart, roundness_of
 from console.session.cut.telemetry import CutFigures
 from console.session.errors import SessionError
 from console.session.learning.learning_beside import AirWatch, CutLearner
-from console.session.stages import Stage, air_mm
-from drivers.cutting.planning import CutPlan, Strategy, nominal_command, plan_cut
+from console.session.stages import Stage
+from drivers.cutting.planning import CutPlan, nominal_command
 from drivers.cutting.sampling import Batch
+from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
@@ -33,7 +36,7 @@ from profiles.compensations.path import CutPath, wanted_path
 from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import Problem
-from profiles.roundness import RoundnessResult, evaluate
+from profiles.roundness import RoundnessResult
 from profiles.traces import Trace
 
 AIR_PASSES, MOST_AIR_PASSES = 3, 8
@@ -93,10 +96,7 @@ class LearnResult:
         )
 
 
-Tell = Callable[[str, Step, str], None]
-
-
-def learn(plan: RunPlan, open_shop: Callable[[], Shop], tell: Tell, parts: int) -> LearnResult:
+def learn(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart, parts: int) -> LearnResult:
     """Cut `parts` parts on one machine, each with what the ones before have taught.
 
     Raises:
@@ -104,7 +104,7 @@ def learn(plan: RunPlan, open_shop: Callable[[], Shop], tell: Tell, parts: int) 
             be refused; what went wrong, see `cut_part`.
     """
     refuse_unlearnable(plan, measured=True)
-    learner = _Learner(plan, open_shop(), tell)
+    learner = _Learner(plan, open_machine(), tell)
     before, floor = learner.reference(), learner.floor()
     learner.in_air()
     made = tuple(learner.part(number) for number in range(1, parts + 1))
@@ -118,9 +118,9 @@ def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
         SessionError: `learning.strategy`, only a table can be learned; `learning.no_gauge`, nobody would measure
             the parts between two cuts.
     """
-    if plan.cut.strategy is not Strategy.CAM or plan.reference is None:
+    if not plan.cut.strategy.traits.trims or plan.reference is None:
         strategy = plan.cut.strategy.value
-        raise SessionError(Problem(code="learning.strategy", value=strategy, limit=Strategy.CAM.value))
+        raise SessionError(Problem(code="learning.strategy", value=strategy, limit=", ".join(TRIMMED)))
     if not measured:
         raise SessionError(Problem(code="learning.no_gauge"))
 
@@ -131,12 +131,7 @@ def _measured(trace: Trace | None) -> Trace:
     return trace
 
 
-def evaluated(trace: Trace) -> RoundnessResult:
-    """Return the roundness that parts are compared with."""
-    return evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
-
-
-def _named(tell: Tell, part: str, number: int) -> Callable[[Step, str], None]:
+def _named(tell: TellPart, part: str, number: int) -> Callable[[Step, str], None]:
     """Tell of a part with its number, if it has one."""
     if not number:
         return lambda step, detail: tell(part, step, detail)
@@ -150,11 +145,11 @@ def _of_the_axis(problem: Problem) -> Problem:
 class _Learner:
     """One machine, and the path as it is known by now."""
 
-    def __init__(self, plan: RunPlan, shop: Shop, tell: Tell) -> None:
-        self._plan, self._shop, self._tell = plan, shop, tell
+    def __init__(self, plan: RunPlan, context: CutContext, tell: TellPart) -> None:
+        self._plan, self._context, self._tell = plan, context, tell
         self._job, self._machine = plan.job, plan.machine
         wanted = wanted_path(plan.job)
-        self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, Strategy.CAM))
+        self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, plan.cut.strategy))
         self._watch = Watch()
         self._air_um: list[float] = []
         self._homed = False
@@ -167,11 +162,11 @@ class _Learner:
         """
         trace = self._plain(self._job, "before")
         self._teaching(trace)
-        return evaluated(trace)
+        return roundness_of(trace)
 
     def floor(self) -> RoundnessResult:
         """Cut a part that is not lobed, without compensation: what is left is the machine's own."""
-        return evaluated(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
+        return roundness_of(self._plain(replace(self._job, lobe_error_um_pp=0.0), "floor"))
 
     def _teaching(self, trace: Trace) -> PartWaves:
         """Return the waves of a part, by the rule of every way in: `console learn` and the screen ask the same.
@@ -185,15 +180,22 @@ class _Learner:
         return part
 
     def _plain(self, job: Job, name: str) -> Trace:
-        plan = plan_cut(
-            job, self._machine, Strategy.NONE, from_turn=self._turn(), lease=self._plan.cut.setup.lease
-        )
-        return _measured(self._cut(self._shop, job, plan, name).trace)
+        lease = self._plan.cut.setup.lease
+        plan = planned(job, self._machine, UNCOMPENSATED, Stage.FULL, None, lease=lease, from_turn=self._turn())
+        return _measured(self._cut(job, plan, name).trace)
 
     def _cut(
-        self, shop: Shop, job: Job, plan: CutPlan, name: str, beside: Beside | None = None, number: int = 0
+        self,
+        job: Job,
+        plan: CutPlan,
+        name: str,
+        beside: Beside | None = None,
+        number: int = 0,
+        *,
+        blank: bool = True,
     ) -> CutOutcome:
-        outcome = cut_part(shop, job, plan, _named(self._tell, name, number), beside, homed=self._homed)
+        tell = _named(self._tell, name, number)
+        outcome = cut_part(self._context, job, plan, tell, beside, homed=self._homed, blank=blank)
         self._homed = True
         return outcome
 
@@ -201,20 +203,19 @@ class _Learner:
         """Return the whole turn that is nearest to where the spindle stands; it need not be turned back."""
         if not self._homed:
             return 0
-        return round(self._shop.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
+        return round(self._context.lathe.snapshot().spindle.position / self._machine.spindle.counts_per_rev)
 
     def in_air(self) -> None:
         """Let the tool learn its path clear of the part."""
         job = self._job
         # Some turns of the same feed, over the end of the part.
         short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
-        shop = replace(self._shop, clamp=lambda _: None, measure=None)
         for number in range(1, MOST_AIR_PASSES + 1):
             if number > AIR_PASSES and self._right_in_air:
                 break
             plan = self._planned_in_air(short)
-            watch = AirWatch(shop.lathe, job.jaws)
-            self._cut(shop, short, plan, "air", watch, number)
+            watch = AirWatch(self._context.lathe, job.jaws)
+            self._cut(short, plan, "air", watch, number, blank=False)
             off = self._off(watch.last())
             self._air_um.append(2.0 * abs(off.coefficients_um[job.jaws]))
             self._learn_in_air(off)
@@ -239,8 +240,8 @@ class _Learner:
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn within it, and from its trace for the next one."""
         plan = self._planned(self._job, trimmed=True)
-        watch = CutLearner(self._shop.lathe, self._job, self._off, trims=self._learns_lobe)
-        outcome = self._cut(self._shop, self._job, plan, "part", watch, number)
+        watch = CutLearner(self._context.lathe, self._job, self._off, trims=self._learns_lobe)
+        outcome = self._cut(self._job, plan, "part", watch, number)
         watch.refuse_failed()
         trace = _measured(outcome.trace)
         off, trim_um = watch.in_the_middle()
@@ -248,7 +249,7 @@ class _Learner:
         cut_with = self._path
         learned = self._learn_from(trim_um, trace, off, gain)
         return LearnedPart(
-            roundness=evaluated(trace),
+            roundness=roundness_of(trace),
             figures=outcome.figures,
             path=cut_with,
             trim_um=trim_um,
@@ -303,23 +304,21 @@ class _Learner:
             ProblemError: as `plan_cut`.
         """
         try:
-            return self._planned(job, air_mm=air_mm(job, Stage.AIR))
+            return self._planned(job, Stage.AIR)
         except DriverError as error:
             raise SessionError(*map(_of_the_axis, error.problems)) from error
 
-    def _planned(self, job: Job, *, air_mm: float = 0.0, trimmed: bool = False) -> CutPlan:
-        plan = plan_cut(
+    def _planned(self, job: Job, stage: Stage = Stage.FULL, *, trimmed: bool = False) -> CutPlan:
+        return planned(
             job,
             self._machine,
-            Strategy.CAM,
-            from_turn=self._turn(),
+            self._plan.cut.strategy,
+            stage,
+            self._path,
             lease=self._plan.cut.setup.lease,
-            path=self._path,
-            air_mm=air_mm,
+            from_turn=self._turn(),
             trimmed=trimmed,
         )
-        refuse_unless(of_program(plan))
-        return plan
 
     def _off(self, batch: Batch) -> HarmonicFit:
         """Return what the tool was off in a batch, positive where it was not in far enough."""
@@ -338,4 +337,4 @@ class _Learner:
 
     def _response(self, waves: int) -> complex:
         frequency_hz = waves * self._job.spindle_speed_rpm / 60.0
-        return nominal_response(Strategy.CAM, self._machine, frequency_hz)
+        return nominal_response(self._plan.cut.strategy, self._machine, frequency_hz)

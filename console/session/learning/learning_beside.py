@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from console.session.errors import SessionError
-from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch, BatchGather
+from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from drivers.lathe.lathe import Lathe

@@ -15,8 +15,8 @@ from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MadeWit
 from console.session.data.made_parts import MODEL as MADE_BY_MODEL
 from console.session.data.made_parts import date_problems as cut_date_problems
 from console.session.errors import SessionError
-from console.session.stages import FOLLOWING, Stage, nominal_path
-from drivers.cutting.planning import Strategy
+from console.session.stages import Stage, nominal_path
+from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.nominal import nominal_response
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.holding import holding_of
@@ -241,8 +241,8 @@ def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
     Raises:
         SessionError: `learned.not_followed`, `learned.bad_stage`.
     """
-    if made.strategy not in FOLLOWING:
-        limit = " | ".join(FOLLOWING)
+    if made.strategy not in INVERTING:
+        limit = " | ".join(INVERTING)
         raise SessionError(Problem(code="learned.not_followed", key="strategy", value=made.strategy, limit=limit))
     if made.stage not in (Stage.PARTIAL, Stage.FULL):
         limit = f"{Stage.PARTIAL} | {Stage.FULL}"
@@ -257,7 +257,7 @@ def _orders(job: Job, machine: MachineProfile, strategy: Strategy, extra: tuple[
         SessionError: `learned.extra`.
     """
     _refuse_extra(extra, job, machine, strategy)
-    if strategy is not Strategy.CAM:
+    if not strategy.traits.by_table:
         return (job.jaws,)
     overtones = {job.jaws * overtone for overtone in OVERTONES}
     reached = {n for n in overtones if _followed_share(n, job, machine, strategy) >= LEAST_FOLLOWED}
@@ -272,8 +272,8 @@ def _refuse_extra(extra: tuple[int, ...], job: Job, machine: MachineProfile, str
     """
     if not extra:
         return
-    if strategy is not Strategy.CAM:
-        value, limit = f"--strategy {strategy}", f"--strategy {Strategy.CAM}"
+    if not strategy.traits.by_table:
+        value, limit = f"--strategy {strategy}", f"--strategy {' | '.join(BY_TABLE)}"
         raise SessionError(Problem(code="learned.extra", key="--extra", value=value, limit=limit))
     problems: list[Problem] = []
     for n in extra:

@@ -7,14 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from console.session.cut.sequence import Beside, CutOutcome, Shop, cut_part
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
-from drivers.lathe.heartbeat import Heartbeat, cut_condition
-from drivers.lathe.lathe import Lathe
-from drivers.lathe.stop import StopPath
-from drivers.link.memory import MemoryLink
-from drivers.pmac.client import PmacClient
-from drivers.simulator.machine import SimulatedLathe
+from console.session.cut.headless import Beside, CutOutcome, cut_part
+from console.session.cut.in_process import simulated_context
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
+from drivers.lathe.heartbeat import cut_condition
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.compensations.path import CutPath
 from profiles.job import Job
@@ -31,12 +28,8 @@ class Bench:
     def __init__(self, machine: MachineProfile, true: TrueParameters | None = None) -> None:
         """`true` is what the iron is like, None as the profile says."""
         self.machine = machine
-        self._lathe = lathe = SimulatedLathe(machine, true)
-        link = MemoryLink(lathe.connect(), lathe)
-        client = PmacClient(link, lathe)
-        heartbeat = Heartbeat(client, lathe, machine)
-        self.lathe = Lathe(client, machine, lathe, StopPath(link), heartbeat=heartbeat)
-        self._shop = Shop(lathe=self.lathe, clamp=lathe.mount, measure=lathe.measure, simulated=True)
+        self._context, self._lathe = simulated_context(machine, true)
+        self.lathe = self._context.lathe
         self._homed = False
 
     def plan(
@@ -66,8 +59,7 @@ class Bench:
         Raises:
             ProblemError: what went wrong.
         """
-        shop = replace(self._shop, clamp=lambda _: None, measure=None) if air else self._shop
-        outcome = cut_part(shop, job, plan, lambda *_: None, beside, homed=self._homed)
+        outcome = cut_part(self._context, job, plan, lambda *_: None, beside, homed=self._homed, blank=not air)
         self._homed = True
         return outcome
 

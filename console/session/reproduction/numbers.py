@@ -8,7 +8,7 @@ from dataclasses import replace
 from console.session.reproduction.bench import part_of
 from console.session.reproduction.passes import learned_passes
 from drivers.cutting.findings import steady_moves, stroke
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.cutting import cutting_force
 from profiles.materials import material_named

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.reproduction.bench import Bench, shortened
-from drivers.cutting.planning import CutPlan, Strategy, nominal_command
+from drivers.cutting.planning import CutPlan, nominal_command
 from drivers.cutting.sampling import Batch
+from drivers.cutting.strategy import Strategy
 from drivers.identification.nominal import nominal_response
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.true_parameters import TrueParameters

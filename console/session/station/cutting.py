@@ -3,40 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
-from importlib.metadata import version
 
 from console.session.cut.alignment import problems
 from console.session.cut.compensated import compensation_problems, path_of, stored_problems
-from console.session.cut.interlocks import (
-    Interlock,
-    at_speed,
-    of_job,
-    of_lobe,
-    of_machine,
-    of_program,
-    of_zero,
-    refuse_unless,
-)
-from console.session.cut.planned_cut import PlannedCut, refuse_unless_held
-from console.session.cut.sequence import EXTRA_TIME_S, TIME_ALLOWANCE, not_retracted, tool_clear
+from console.session.cut.context import CutContext
+from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, load
+from console.session.cut.interlocks import Interlock, refuse_unless
+from console.session.cut.planning import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, MODEL, MadeWith
-from console.session.data.records import RunRecord
+from console.session.data.records import begin_record
 from console.session.errors import SessionError
-from console.session.stages import Stage, air_mm
+from console.session.stages import Stage
 from console.session.station.blank import touched_by
 from console.session.station.intents import Arm, Disarm, Retract, Start
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutStage, CutWatch
 from console.session.station.state import Activity, Armed
 from console.session.station.workplace import Workplace
-from drivers.cutting.planning import CutPlan, first_spindle_counts, plan_cut
-from drivers.errors import DriverError
-from drivers.lathe.safety import device_problems
+from drivers.cutting.planning import CutPlan, first_spindle_counts
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.stop import way_problems
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 
@@ -55,22 +42,16 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
         SessionError: every reason why this cut may not start.
     """
     place.tell(armed=None)
-    put_back(place)
+    place.lathe.put_back()
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
-    machine = place.machine
-    zero = of_zero(machine, order.strategy, jaw_found=True)
-    as_found = of_lobe(job, machine, order.strategy, simulated=place.state.simulated)
-    refuse_unless(of_job(job, machine), as_found, zero, _learned(place, order), _commissioned(place))
-    turn, lease = _nearest_turn(place, job, order), place.lathe.lease
-    plan = _planned(place, order, job, turn, lease)
-    refuse_unless(of_program(plan))
-    _refuse_tables(place)
-    place.to_restore = plan.restore
-    place.lathe.load(plan.program, plan.axis_definitions)
-    _refuse_unless_ready(place, plan, starting=False)
+    context, strategy = place.context, order.strategy
+    also = _learned(place, order), _commissioned(context)
+    refuse_unplannable(job, place.machine, strategy, *also, jaw_found=True, simulated=context.simulated)
+    plan = _planned(place, order, job)
+    load(context, plan, Unobserved(), aligned=True)
     armed = Armed(
         job=job,
-        strategy=order.strategy,
+        strategy=strategy,
         plan=plan,
         alignment=place.state.alignment,
         until_s=place.clock.now_s() + START_WITHIN_S,
@@ -98,17 +79,17 @@ def _learned(place: Workplace, order: Arm) -> Interlock:
     return Interlock(name="learned_holds", problems=problems)
 
 
-def _planned(place: Workplace, order: Arm, job: Job, turn: int, lease: str) -> CutPlan:
+def _planned(place: Workplace, order: Arm, job: Job) -> CutPlan:
     """Plan the cut; nothing has been sent, so whatever stands against it is a refusal.
 
     Raises:
-        SessionError: the problems of `path_of` and `plan_cut`.
+        SessionError: the problems of `path_of` and `planned`.
     """
-    stage, machine = Stage(order.stage), place.machine
+    strategy, machine, stage = order.strategy, place.machine, Stage(order.stage)
+    path = path_of(job, order.job, order.compensation)
+    turn, lease = _nearest_turn(place, job, order), place.lathe.lease
     try:
-        path = path_of(job, order.job, machine, order.strategy, stage, order.compensation)
-        out_mm = air_mm(job, stage)
-        return plan_cut(job, machine, order.strategy, from_turn=turn, lease=lease, path=path, air_mm=out_mm)
+        return planned(job, machine, strategy, stage, path, lease=lease, from_turn=turn)
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
 
@@ -125,29 +106,17 @@ def _made_with(place: Workplace, order: Arm) -> MadeWith:
 
 
 def disarm(place: Workplace, _: Disarm) -> None:
-    """Take it back, and what arming has changed on the card."""
+    """Take it back, and what arming has changed on the controller."""
     place.tell(armed=None)
-    put_back(place)
-
-
-def put_back(place: Workplace) -> None:
-    """Make the card what its profile says, where a cut has changed it: after its end, and however it ended.
-
-    Raises:
-        DriverError: something moves, the link broke, or the controller refused a line.
-    """
-    if place.to_restore:
-        place.lathe.restore(place.to_restore)
-        place.to_restore = ()
+    place.lathe.put_back()
 
 
 def start(place: Workplace, _: Start) -> None:
-    """Go to the start, tool last, look once more at everything, and cut.
+    """Cut what was armed.
 
     Raises:
-        SessionError: not armed, or what the last look showed.
-        DriverError: what ended the cut, or by what it is not the one that was planned.
-        StoppedError: somebody stopped the machine.
+        SessionError: not armed, or as `cut`.
+        ProblemError: as `cut`.
     """
     armed = place.state.armed
     if armed is None or place.clock.now_s() > armed.until_s:
@@ -159,28 +128,53 @@ def start(place: Workplace, _: Start) -> None:
         raise SessionError(Problem(code="session.not_armed"))
     place.started = armed
     place.tell(armed=None, cut=None, cut_done=False, measured=None)
-    _refuse_changed(place, armed.plan)
-    in_air = armed.made.stage == Stage.AIR
-    plan, watch = armed.plan, CutWatch(armed.plan, armed.job, place.machine, in_air=in_air)
-    planned = PlannedCut(place.lathe, plan)
-    place.seen = partial(_publish, place, watch, CutStage.POSITION)
+    watched = _Watched(place, armed)
+    place.seen = watched.publish
     try:
-        _go_to_start(place, plan)
-        _refuse_unless_ready(place, plan, starting=True)
-        refuse_unless(at_speed(place.lathe, armed.job))
-        refuse_unless_held(place.lathe, plan)
-        place.note("started", strategy=armed.strategy.value)
-        place.seen = partial(_publish, place, watch, CutStage.RUN_UP)
-        place.tell(activity=Activity.CUTTING)
-        place.lathe.start(plan.program.number, plan.setup.retracted)
-        timeout_s = plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S
-        last = place.lathe.follow(partial(_between_polls, place, planned), timeout_s, planned.guard)
+        end = cut(place.context, armed.job, armed.plan, watched)
+    except NotAsPlannedError as early:
+        place.note("ended_early", turns=early.turns, reasons=[problem.code for problem in early.problems])
+        raise
     finally:
         place.seen = None
-    put_back(place)
-    _refuse_another_cut(place, planned)
-    _refuse_tables(place)
-    _finish(place, watch, plan, last)
+    _finish(place, watched, end)
+
+
+class Unobserved:
+    """Nobody follows it."""
+
+    def step(self, step: Step, detail: str) -> None:
+        """Do nothing."""
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Do nothing."""
+
+
+class _Watched:
+    """What the screens see of a cut, and the operator's hold on its way to the program."""
+
+    def __init__(self, place: Workplace, armed: Armed) -> None:
+        self._place, self._strategy, self._stage = place, armed.strategy, CutStage.POSITION
+        self.watch = CutWatch(armed.plan, armed.job, place.machine, in_air=armed.made.stage == Stage.AIR)
+
+    def step(self, step: Step, detail: str) -> None:
+        """The program is about to run."""
+        if step is Step.CUT:
+            self._place.note("started", strategy=self._strategy.value)
+            self._stage = CutStage.RUN_UP
+            self._place.tell(activity=Activity.CUTTING)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Pass the operator's hold on, once, between two polls of the program."""
+        place = self._place
+        if place.hold_asked and not place.lathe.held:
+            place.lathe.hold()
+
+    def publish(self, snapshot: Snapshot) -> None:
+        """Show a poll of the machine, in whatever wait it was made."""
+        place = self._place
+        seen = self.watch.see(snapshot, self._stage, place.lathe.held, place.state.spindle_rpm)
+        place.tell(cut=seen, touched=touched_by(seen, place.state.touched))
 
 
 def retract(place: Workplace, _: Retract) -> None:
@@ -204,7 +198,7 @@ def retract(place: Workplace, _: Retract) -> None:
             snapshot.tool.position - tool.retract_mm * tool.counts_per_mm, tool.travel_min_mm * tool.counts_per_mm
         )
     place.lathe.retract(target)
-    put_back(place)
+    place.lathe.put_back()
     _leave_tables(place)
 
 
@@ -224,96 +218,26 @@ def _nearest_turn(place: Workplace, job: Job, order: Arm) -> int:
     return round((place.lathe.snapshot().spindle.position - start) / place.machine.spindle.counts_per_rev)
 
 
-def _go_to_start(place: Workplace, plan: CutPlan) -> None:
-    """Tool out first, in again last: beside the part."""
-    lathe = place.lathe
-    if lathe.snapshot().tool.position > plan.setup.retracted:
-        lathe.retract(plan.setup.retracted)
-    lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
-    if AxisName.SPINDLE in lathe.driven:
-        lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    lathe.jog_to(AxisName.TOOL, plan.tool_start)
+def _commissioned(context: CutContext) -> Interlock:
+    return Interlock(name="commissioned", problems=context.commissioned(context.lathe.snapshot()))
 
 
-def _refuse_unless_ready(place: Workplace, plan: CutPlan, *, starting: bool) -> None:
-    locks = of_machine(place.lathe.snapshot(), plan, place.lathe.machine, place.lathe.verify())
-    refuse_unless(*(lock for lock in locks if starting or lock.name != AT_START))
-
-
-def _commissioned(place: Workplace) -> Interlock:
-    problems = () if place.commissioned is None else place.commissioned.problems(place.lathe.snapshot())
-    return Interlock(name="commissioned", problems=problems)
-
-
-def _refuse_tables(place: Workplace) -> None:
-    """Refuse to go on while a compensation table adds something to the tool, or has left something behind."""
-    refuse_unless(Interlock(name="no_table", problems=place.lathe.tables_left()))
-
-
-def _refuse_changed(place: Workplace, plan: CutPlan) -> None:
-    """Refuse to move at all where the machine is not as it was armed: its safety devices, settings, program."""
-    devices, lathe = device_problems(place.lathe.snapshot().inputs), place.lathe
-    refuse_unless(Interlock(name="safe", problems=(*devices, *way_problems(lathe.stop.way))))
-    _refuse_unless_ready(place, plan, starting=False)
-    refuse_unless_held(place.lathe, plan, tables=False)  # the table is read behind the way to the start
-
-
-def _publish(place: Workplace, watch: CutWatch, stage: CutStage, snapshot: Snapshot) -> None:
-    cut = watch.see(snapshot, stage, place.lathe.held, place.state.spindle_rpm)
-    place.tell(cut=cut, touched=touched_by(cut, place.state.touched))
-
-
-def _between_polls(place: Workplace, planned: PlannedCut, snapshot: Snapshot) -> None:
-    """Between two polls of a cut: pass the operator's hold on, once."""
-    planned.see(snapshot)
-    if place.hold_asked and not place.lathe.held:
-        place.lathe.hold()
-
-
-def _refuse_another_cut(place: Workplace, planned: PlannedCut) -> None:
-    """Refuse to call a cut done that is not the one that was planned: it is neither measured nor learned from.
-
-    Raises:
-        DriverError: by what it differs, and who has ended it where that is known.
-    """
-    problems = planned.problems()
-    if problems:
-        turns = None if planned.end is None else planned.end.turns
-        place.note("ended_early", turns=turns, reasons=[problem.code for problem in problems])
-        raise DriverError(*problems)
-
-
-def _finish(place: Workplace, watch: CutWatch, plan: CutPlan, last: Snapshot) -> None:
-    """The program has ended: say how, and prove that the tool is out."""
-    held = place.lathe.held
-    stage = CutStage.HELD if held else CutStage.DONE
-    figures = watch.figures()
-    ended = watch.see(last, stage, held, place.state.spindle_rpm)
+def _finish(place: Workplace, watched: _Watched, end: CutEnd) -> None:
+    """Say how the cut has ended."""
+    stage = CutStage.HELD if end.held else CutStage.DONE
+    ended = watched.watch.see(end.last, stage, end.held, place.state.spindle_rpm)
     # What was cut in air has not met the part: it is as good a blank as before.
-    done = not held and not ended.in_air
-    place.tell(cut=ended if figures is None else ended.with_figures(figures), cut_done=done)
+    done = not end.held and not ended.in_air
+    place.tell(cut=ended if end.figures is None else ended.with_figures(end.figures), cut_done=done)
     made = {} if place.started is None else place.started.made.event()
-    place.note("held" if held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made)
-    if not last.at_rest or not tool_clear(last, plan):
-        raise SessionError(not_retracted(last, plan, place.lathe.machine))
+    place.note("held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made)
 
 
 def _open_record(place: Workplace, order: Arm, armed: Armed) -> None:
     place.end_record()
     machine = place.loaded_machine
-    place.record = RunRecord(
-        place.records,
-        {
-            "software": f"trilobe {version('trilobe')}",
-            "job": order.job.name,
-            "job_sha256": order.job_sha256,
-            "machine": machine.machine.name,
-            "machine_sha256": machine.sha256,
-            "simulated": int(place.shop is not None),
-            "strategy": order.strategy.value,
-            "program": armed.plan.text,
-        },
-    )
+    sha256, simulated = order.job_sha256, place.context.simulated
+    place.record = begin_record(place.records, order.job.name, sha256, machine, armed.plan, simulated=simulated)
     used = calibrations_of(machine)
     force_n, made = order.job.chucking_force_n, armed.made.event()
     place.note("armed", force_n=force_n, jaw_1_deg=_jaw_deg(place), calibrations=used, **made)

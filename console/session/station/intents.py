@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from drivers.lathe.snapshot import AxisName
 
 if TYPE_CHECKING:
-    from drivers.cutting.planning import Strategy
+    from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
     from profiles.job import Job
     from profiles.problem import Problem

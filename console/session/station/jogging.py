@@ -5,11 +5,11 @@ Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import Alignment, aligned_machine
 from console.session.station.state import Activity, StationState
+from drivers.lathe.lengths import settings_of
 from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
@@ -18,13 +18,7 @@ from profiles.problem import Problem
 
 def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
     """Return the counts of a millimetre, or of a degree of the spindle."""
-    match axis:
-        case AxisName.TOOL:
-            return machine.tool.counts_per_mm
-        case AxisName.CARRIAGE:
-            return machine.carriage.counts_per_mm
-        case AxisName.SPINDLE:
-            return machine.spindle.counts_per_rev / 360.0
+    return settings_of(machine, axis).counts_per_unit
 
 
 STEPS_MM = (0.001, 0.01, 0.1, 1.0, 10.0)
@@ -114,49 +108,13 @@ def is_too_long(step_mm: float, longest_mm: float) -> bool:
     return step_mm > longest_mm + STEP_TOLERANCE_MM
 
 
-def peak_speed(machine: MachineProfile, axis: AxisName, step: float) -> float:
-    """Return a bound of the speed that a step reaches, counts/ms.
-
-    The jog speed Ix22; less where the way is over before: step / TA with the acceleration time TA (Ix20, at
-    least twice Ix21), and sqrt(Ix19 step), the peak of two ramps at the acceleration limit Ix19.
-    """
-    motor, variables = _motor(machine, axis), machine.controller.variables
-    way = abs(step) * counts_per_unit(machine, axis)
-    ramp_ms = max(variables[f"I{motor}20"], 2.0 * variables[f"I{motor}21"])
-    limit = variables[f"I{motor}19"]
-    bounds = [abs(variables[f"I{motor}22"])]
-    if ramp_ms > 0.0:
-        bounds.append(way / ramp_ms)
-    if limit > 0.0:
-        bounds.append(math.sqrt(limit * way))
-    return min(bounds)
-
-
 def overrun(machine: MachineProfile, axis: AxisName, step: float) -> float:
     """Return the longest way from the press of a stop in mid-step to rest, mm or degrees.
 
-    v (background period + link latency) + v^2 / (2 a), with the peak speed v of this step and the abort rate
-    a = Ix15: the controller obeys a stop once in a background period. A stop that brakes at least as hard as
-    the step does at its own end (Ix15 >= Ix19) ends within the step; a softer one may go beyond it. Infinite
-    when Ix15 is 0, which never stops a motor.
+    The controller obeys a stop once in a background period. Infinite where the axis has no abort rate.
     """
-    motor, variables = _motor(machine, axis), machine.controller.variables
-    speed, rate, step_rate = peak_speed(machine, axis, step), variables[f"I{motor}15"], variables[f"I{motor}19"]
-    if rate <= 0.0:
-        return math.inf
-    late_ms = machine.controller.background_ms + LINK_LATENCY_MS
-    way = (speed * late_ms + speed**2 / (2.0 * rate)) / counts_per_unit(machine, axis)
-    return min(way, abs(step)) if rate >= step_rate > 0.0 else way
-
-
-def _motor(machine: MachineProfile, axis: AxisName) -> int:
-    match axis:
-        case AxisName.TOOL:
-            return machine.tool.motor
-        case AxisName.SPINDLE:
-            return machine.spindle.motor
-        case AxisName.CARRIAGE:
-            return machine.carriage.motor
+    late_s = (machine.controller.background_ms + LINK_LATENCY_MS) / 1000.0
+    return settings_of(machine, axis).step_overrun(abs(step), late_s)
 
 
 CLEAR_MM = 0.2

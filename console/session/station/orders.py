@@ -11,13 +11,13 @@ from dataclasses import replace
 from typing import Any
 
 from console.session.cut.alignment import TouchOff, aligned_job, clamped, jaw_found, unclamped
+from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job, refuse_unless
-from console.session.cut.run import FILTER_UPR
-from console.session.cut.sequence import tool_clear
+from console.session.cut.run import roundness_of
 from console.session.errors import SessionError
 from console.session.learning.part_lesson import lesson_of
 from console.session.station.alarms import recovered
-from console.session.station.cutting import arm, disarm, put_back, retract, start
+from console.session.station.cutting import arm, disarm, retract, start
 from console.session.station.intents import (
     Approach,
     Arm,
@@ -47,12 +47,10 @@ from console.session.station.jogging import (
 )
 from console.session.station.state import Activity, MeasuredPart
 from console.session.station.workplace import Workplace
-from drivers.cutting.planning import Strategy
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
 from profiles.problem import Problem
-from profiles.roundness import evaluate
 from profiles.rules import Severity, force_as_measured
 
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
@@ -71,7 +69,7 @@ OVER_PART_MM = 2.0
 def verify(place: Workplace, _: Verify) -> None:
     """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
     if place.state.controls:
-        put_back(place)
+        place.lathe.put_back()
     settings = place.lathe.verify()
     if place.state.controls:
         settings = (*settings, *place.lathe.tables_left())
@@ -126,7 +124,7 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
 def switch_off(place: Workplace, _: SwitchOff) -> None:
     """Open the loops."""
     place.lathe.switch_off()
-    put_back(place)
+    place.lathe.put_back()
 
 
 def home(place: Workplace, _: Home) -> None:
@@ -225,7 +223,7 @@ def measure(place: Workplace, _: Measure) -> None:
         place.lathe.switch_off()
     _refuse_unless_still(place)
     trace = place.shop.measure()
-    result = evaluate(trace.angle_deg, trace.deviation_um, FILTER_UPR, state=trace.meta["state"])
+    result = roundness_of(trace)
     part = MeasuredPart(
         job=started.job,
         strategy=started.strategy,
@@ -240,7 +238,7 @@ def measure(place: Workplace, _: Measure) -> None:
     place.note("measured", job=part.job.name, strategy=part.strategy.value, ront_um=result.ront_um)
     place.end_record()
     place.tell(measured=part, cut_done=False, armed=None)
-    if part.strategy is Strategy.NONE:
+    if not part.strategy.traits.follows_lobe:
         place.tell(uncompensated=part)
     place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
 

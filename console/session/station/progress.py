@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from console.session.cut.interlocks import SPEED_BAND
 from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg, phase_of
-from console.session.cut.telemetry import CutFigures, Telemetry
+from console.session.cut.telemetry import CutFigures, is_leaving
 from console.session.station.ripple import SpindleRipple, spindle_ripple
-from drivers.cutting.plan import Strategy
 from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -58,9 +58,6 @@ KEPT_LOOKS = 240
 """Looks that are shown and judged: some eight seconds."""
 
 PHASE_LOOKS = 60
-
-LEAST_PEAK_UM = 1.0
-"""No tool error is so small that twice as much would already be the tool leaving the part."""
 
 BEGUN_UM = 20.0
 """A tool that has gone so far from where the program found it was moved by the program."""
@@ -157,7 +154,6 @@ class CutWatch:
     def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False) -> None:
         self._plan, self._job, self._machine = plan, job, machine
         self._in_air = in_air
-        self._telemetry = Telemetry(plan, machine, job.cut_length_mm)
         end = plan.carriage_start + plan.setup.carriage_counts
         self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
         self._end = end
@@ -166,7 +162,7 @@ class CutWatch:
         self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
-        self._judged = plan.strategy is not Strategy.NONE
+        self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = phase_limit_deg(plan.wanted, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
@@ -176,9 +172,7 @@ class CutWatch:
         wanted_um = float(self._plan.wanted.at_um(angle_deg))
         error_um = infeed_um - wanted_um
         # A hold takes the tool out while the carriage still stands over the part: what it leaves is not judged.
-        self._held = self._held or (holding and abs(error_um) > 2.0 * max(self._peak_um, LEAST_PEAK_UM))
-        if not self._held:
-            self._telemetry.see(snapshot)
+        self._held = self._held or (holding and is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
         self._over = self._over or (bool(self._looks) and infeed_um < 0.0)
         cutting = cutting and not self._held and not self._over
@@ -194,10 +188,6 @@ class CutWatch:
             # A program that somebody else has stopped leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
         return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, wanted_um)
-
-    def figures(self) -> CutFigures | None:
-        """Return the figures of the whole cut, None when too little of it was seen."""
-        return self._telemetry.figures()
 
     def _moment(
         self,
@@ -304,10 +294,10 @@ def before_part(
     `begun` is whether the tool has left the place where the program found it. Only a program on the spindle's time
     waits for the index, and it waits with everything at rest but the spindle.
     """
-    if strategy is Strategy.NONE:
+    if not strategy.traits.follows_lobe:
         return None
     at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - wanted_rpm) <= SPEED_BAND * wanted_rpm
-    waits = strategy is Strategy.TIMEBASE and at_speed and not begun
+    waits = strategy.traits.spindle_time and at_speed and not begun
     return Synchronisation.WAITING if waits else Synchronisation.QUEUED
 
 
@@ -318,7 +308,7 @@ def in_part(
 
     A spindle that stands is lost whatever the phase: what follows its angle stands with it, in phase.
     """
-    if strategy is Strategy.NONE:
+    if not strategy.traits.follows_lobe:
         return None
     if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * wanted_rpm:
         return Synchronisation.LOST

@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from console.session.cut.context import CutContext
 from console.session.cut.interlocks import Interlock, refuse_unless
-from console.session.cut.sequence import Shop
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.session.station.commissioned import Commissioned
@@ -128,8 +128,8 @@ def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) 
     )
 
 
-def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
-    """Return the shop of a reached machine: of iron, the operator clamps and measures."""
+def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
+    """Return a reached machine for one cut; on a real one the operator clamps and measures."""
     lathe = reached.lathe
 
     def admit() -> None:
@@ -139,21 +139,12 @@ def machine_shop(reached: Reached, commissioned: Commissioned) -> Shop:
         commissioned.take_fingerprint()
         refuse_unless(Interlock(name="commissioned", problems=commissioned.problems(lathe.snapshot())))
 
-    def judge() -> Interlock:
-        return Interlock(name="commissioned", problems=commissioned.problems(lathe.snapshot()))
-
-    simulated = reached.shop
-    if simulated is None:
-        return Shop(lathe=lathe, clamp=lambda _: None, measure=None, simulated=False, admit=admit, judge=judge)
-    return Shop(
+    return CutContext(
         lathe=lathe,
-        clamp=simulated.mount,
-        measure=simulated.measure,
-        simulated=True,
-        collisions=lambda: simulated.look().collisions,
-        turn=simulated.set_spindle if lathe.machine.spindle.followed else None,
+        workshop=reached.shop,
+        commissioned=commissioned.problems,
         admit=admit,
-        judge=judge,
+        sets_spindle=reached.simulated and lathe.machine.spindle.followed,
     )
 
 

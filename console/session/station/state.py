@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
     from console.session.learning.part_lesson import PartLesson
     from console.session.station.progress import CutProgress
-    from drivers.cutting.planning import CutPlan, Strategy
+    from drivers.cutting.planning import CutPlan
+    from drivers.cutting.strategy import Strategy
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob

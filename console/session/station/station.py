@@ -17,7 +17,6 @@ from typing import Any
 from console.session.cut.alignment import observed
 from console.session.errors import SessionError
 from console.session.station.alarms import COLLISION_CODES, OF_A_CUT, Priority, collision_problems, seen
-from console.session.station.cutting import put_back
 from console.session.station.home_watch import watch_home
 from console.session.station.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
 from console.session.station.jogging import behind_face_mm, tool_in_part
@@ -184,7 +183,7 @@ class Station:
             if not lathe.stop.given_up:
                 self._settle()
                 with suppress(ProblemError):
-                    put_back(place)
+                    lathe.put_back()
         if not lathe.stop.given_up:  # a machine that is left in doubt stays ours: whoever comes next looks at it
             place.owning.release()
         place.end_record()

@@ -6,9 +6,10 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
+from console.session.cut.context import CutContext, Workshop
 from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.session.station.alarms import Alarms, Priority, cleared, raised
@@ -21,34 +22,18 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import way_problems
-from drivers.simulator.plant.shop_view import ShopView
-from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
-from profiles.traces import Trace
-
-
-class ShopFloor(Protocol):
-    """The hands and eyes of a simulated shop: clamp a blank, look at the chuck, take a trace of the part."""
-
-    def mount(self, job: Job) -> None:
-        """Clamp a new blank."""
-
-    def measure(self) -> Trace:
-        """Release the part and measure it."""
-
-    def look(self) -> ShopView:
-        """Return what can be seen at the chuck."""
 
 
 class Workplace:
     """Everything that one order needs. `state` is replaced by `tell`, from whatever thread.
 
     `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
-    goes on. `to_restore` are lines that make the card what its profile says again, where a cut has changed it.
-    `limits_seen` are the travel limits on which the machine stood when the operator went on after a stop: it may
-    be jogged off them. `hold_asked` is set by the operator; `Lathe.held` tells when it has been passed on.
+    goes on. `limits_seen` are the travel limits on which the machine stood when the operator went on after a
+    stop: it may be jogged off them. `hold_asked` is set by the operator; `Lathe.held` tells when it has been
+    passed on.
     """
 
     def __init__(
@@ -58,7 +43,7 @@ class Workplace:
         owning: Owning,
         machine: LoadedMachine,
         clock: Clock,
-        shop: ShopFloor | None,
+        shop: Workshop | None,
         records: Path,
         local_time: Callable[[], str],
         commissioned: Commissioned | None = None,
@@ -76,7 +61,6 @@ class Workplace:
         self.started: Armed | None = None
         self.record: RunRecord | None = None
         self.seen: Callable[[Snapshot], None] | None = None
-        self.to_restore: tuple[str, ...] = ()
         self.limits_seen: frozenset[str] = frozenset()
         self.hold_asked = False
         self._lock = threading.Lock()
@@ -96,6 +80,13 @@ class Workplace:
     def machine(self) -> MachineProfile:
         """The machine with its tool tip where the touch-off found it."""
         return aligned_machine(self.loaded_machine.machine, self._state.alignment)
+
+    @property
+    def context(self) -> CutContext:
+        """The machine as a cut needs it."""
+        if self.commissioned is None:
+            return CutContext(lathe=self.lathe, workshop=self.shop)
+        return CutContext(lathe=self.lathe, workshop=self.shop, commissioned=self.commissioned.problems)
 
     def tell(self, **changes: Any) -> None:
         """Publish a state with these fields changed."""

@@ -29,7 +29,6 @@ from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, lear
 from console.tui.pages.learning_keys import accept_lesson, revert_version
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.theme import Token
-from drivers.cutting.planning import Strategy
 from profiles.problem import Problem, ProblemError
 
 ROWS_FOR_PLOTS = 16
@@ -263,7 +262,7 @@ def _next_word(view: View) -> str:
         if state.cut is not None and state.cut.in_air and not state.cut_done:
             return "next_air"
         return ("next_measure" if state.cut_done else "next_cut") + _where(state)
-    if part.strategy is Strategy.NONE:
+    if not part.strategy.traits.follows_lobe:
         return "next_compensate"
     lesson = part.lesson
     teaches, kept = lesson is not None and not lesson.reasons, is_kept(lesson, view.work)

@@ -14,7 +14,6 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.theme import Token
-from drivers.cutting.planning import Strategy
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.roundness import RoundnessResult, centred_profile
@@ -71,7 +70,7 @@ def compared(state: StationState) -> Comparison | None:
     part, plain = state.measured, state.uncompensated
     if part is None:
         return None
-    if part.strategy is Strategy.NONE:
+    if not part.strategy.traits.follows_lobe:
         return Comparison(part=part, before=_measured(part, part.jaw_1_deg), after=None)
     known = plain is not None and _same_part(plain.job, part.job)
     before = _measured(plain, part.jaw_1_deg) if plain is not None and known else _stated(part)

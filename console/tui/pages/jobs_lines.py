@@ -12,6 +12,7 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fact, fitted, hanging, line, name_in, wrapped
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
+from drivers.cutting.strategy import UNCOMPENSATED
 from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import lobe_source
@@ -157,7 +158,7 @@ def _last_lines(last: LastResult | None, simulated: bool, text: Catalogue, width
     notes = [text("jobs_page.circle")]
     if simulated:
         notes.append(text("jobs_page.simulated"))
-    if last.strategy == "none":
+    if last.strategy == UNCOMPENSATED:
         notes.append(text("jobs_page.without"))
     return [
         _fact(text("jobs_page.last_part"), f"{last.ront_um:.2f} um", width),

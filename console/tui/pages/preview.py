@@ -15,7 +15,7 @@ from console.session.cut.alignment import Alignment
 from console.session.cut.compensated import chosen_problems
 from console.session.stages import Stage
 from console.session.station.state import StationState
-from console.session.work import STRATEGIES, Work, with_strategy
+from console.session.work import Work, with_strategy
 from console.text.catalogue import Catalogue
 from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
@@ -41,7 +41,7 @@ from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.scale import nice_limits
 from console.tui.plot.trace_view import Series, TraceView
 from console.tui.theme import Token
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.preview import Underway
 from profiles.problem import ProblemError
@@ -64,9 +64,9 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
     the path, it is the lobe that this lets expect.
     """
     traces = []
-    for which, token in ((Strategy.NONE, Token.BEFORE), (strategy, Token.AFTER)):
+    for which, token in ((UNCOMPENSATED, Token.BEFORE), (strategy, Token.AFTER)):
         made = foreseen(seen, which)
-        if made is None or (token is Token.AFTER and strategy is Strategy.NONE):
+        if made is None or (token is Token.AFTER and not strategy.traits.follows_lobe):
             continue
         angle_deg, left_um = made.angle_deg, made.residual_um
         told = None if token is Token.BEFORE else by_part(seen, which)
@@ -305,8 +305,8 @@ def _step_strategy(desk: Desk) -> None:
     """Take the next strategy. What was learned with another one stays chosen, and does not hold; that is said."""
     work = desk.work
     if work is not None:
-        place = STRATEGIES.index(work.strategy)
-        desk.work = with_strategy(work, STRATEGIES[(place + 1) % len(STRATEGIES)])
+        names = [each.value for each in Strategy]
+        desk.work = with_strategy(work, names[(names.index(work.strategy) + 1) % len(names)])
         say_what_does_not_hold(desk)
 
 

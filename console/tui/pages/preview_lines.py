@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from console.session.cut.alignment import Alignment
-from console.session.work import STRATEGIES
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line, ranged, wrapped
 from console.tui.theme import Token
-from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band
 from drivers.preview.closed_form import ClosedForm, closed_form
-from drivers.preview.outlook import INVERTING
 from drivers.preview.preview import Prediction, Response, Underway
 from profiles.compensations.learned import ExpectedPart
 from profiles.job import Job
@@ -134,12 +133,12 @@ def roundness_caption(
     band: Band | None = None,
 ) -> list[Line]:
     """Return what the traces of roundness are, with the `band` of the strategy, and their scale."""
-    without, with_ = seen.predictions.get(Strategy.NONE), seen.predictions.get(strategy)
+    without, with_ = seen.predictions.get(UNCOMPENSATED), seen.predictions.get(strategy)
     lines: list[Line] = []
-    if without is not None or Strategy.NONE not in seen.strategies:
+    if without is not None or UNCOMPENSATED not in seen.strategies:
         left_um = seen.job.lobe_error_um_pp if without is None else without.ront_um
         lines += _trace_words(BEFORE_KEY, text("preview_page.without"), Token.BEFORE, f"{left_um:.1f}", width)
-    if strategy is not Strategy.NONE and (with_ is not None or strategy not in seen.strategies):
+    if strategy.traits.follows_lobe and (with_ is not None or strategy not in seen.strategies):
         left = left_words(seen, strategy)
         lines += _trace_words(AFTER_KEY, strategy.value, Token.AFTER, left, width, band)
     lines.append((dim(text("preview_page.scale", value=f"{um_per_division:g}")),))
@@ -148,7 +147,7 @@ def roundness_caption(
 
 def strategy_lines(seen: Underway, strategy: Strategy, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return what each strategy leaves, what is found against the chosen one, and what it makes of the servo."""
-    lines = [_left_on_part(seen, Strategy(name), strategy, text, width) for name in STRATEGIES]
+    lines = [_left_on_part(seen, each, strategy, text, width) for each in Strategy]
     findings = findings_of(seen, strategy)
     lines.append(_found(seen.strategies.get(strategy), findings, text, width))
     lines += _servo_lines(seen, strategy, text, width)
@@ -246,7 +245,7 @@ def _left_on_part(seen: Underway, strategy: Strategy, chosen: Strategy, text: Ca
     left = line(
         ("▸ " if mine else "  ", Token.ACTION),
         (f"{strategy.value:<9}", Token.STRONG if mine else Token.TEXT),
-        dim(text(f"preview_page.how.{strategy}")),
+        dim(text(f"strategy.{strategy}.how")),
     )
     token = Token.STRONG if mine else Token.TEXT
     if refused(seen, strategy):
@@ -288,7 +287,7 @@ def _gain_and_phase(response: Response) -> str:
 
 
 def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:
-    if strategy not in INVERTING or seen.wanted.amplitude_um == 0.0:
+    if not strategy.traits.inverts or seen.wanted.amplitude_um == 0.0:
         return text("preview_page.not_inverted")
     if strategy is not seen.strategy:
         return UNKNOWN

@@ -8,7 +8,8 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, Sheet, dim, line
 from console.tui.pages.preview_lines import UNKNOWN, finding_lines, findings_of
 from console.tui.theme import Palette, Token
-from drivers.cutting.planning import CutPlan, Strategy
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.strategy import Strategy
 from drivers.preview.preview import Underway
 
 _COMMENT = ";"

@@ -41,7 +41,7 @@ from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TraceView
 from console.tui.theme import Token
 from console.tui.waiting import refusal
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
 from profiles.problem import Problem
 
 ENDED = (CutStage.DONE, CutStage.HELD)

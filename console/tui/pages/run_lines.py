@@ -29,7 +29,7 @@ from console.tui.pages.fields import named
 from console.tui.pages.learn_lines import armed_words, chosen_words
 from console.tui.pages.stop_lines import cut_words, mark_lines
 from console.tui.theme import Token
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import Snapshot
 from profiles.chucking.advice import Stands, force_span
 from profiles.files import printable
@@ -160,7 +160,7 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
         ("depth", f"{job.depth_of_cut_mm:.3f} mm"),
         ("feed", f"{job.feed_mm_per_rev:.3f} mm/rev"),
         ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),
-        ("strategy", text(f"run_page.strategy.{strategy}")),
+        ("strategy", text(f"strategy.{strategy}.named")),
         ("made", chosen_words(text, work) if armed is None else armed_words(text, armed)),
         ("jaw", _jaw_found(text, stamps, job)),
         ("touch_off", _touched(text, stamps, job)),

@@ -10,9 +10,9 @@ from drivers.clock import Clock
 from drivers.commissioning.check import Check, Group, Outcome
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.stop_record import Origin, Way, needed_stops
+from drivers.controller import Controller
 from drivers.errors import ControllerError, DriverError
 from drivers.lathe.stop import StopPath
-from drivers.pmac.client import PmacClient
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.dialect import Dialect
@@ -68,7 +68,7 @@ class ProofBench:
     `owner_seen` is told whose it is then.
     """
 
-    client: PmacClient
+    client: Controller
     stop: StopPath
     clock: Clock
     judged: Judged

@@ -21,9 +21,9 @@ from drivers.commissioning.proofs.tables import compensation_edge, delete_order,
 from drivers.commissioning.reading import Extent, read_configuration, read_settings
 from drivers.commissioning.stop_record import StopEntry
 from drivers.commissioning.verification import Verification
+from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError
 from drivers.lathe.stop import StopPath
-from drivers.pmac.client import PmacClient
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
@@ -86,7 +86,7 @@ class Proven:
 
 
 def prove(
-    client: PmacClient,
+    client: Controller,
     stop: StopPath,
     clock: Clock,
     verification: Verification,

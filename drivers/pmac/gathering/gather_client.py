@@ -10,8 +10,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from drivers.controller import REPLY_TIMEOUT_S, Controller
 from drivers.errors import ControllerError
-from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gather import GatherError, gather_settings, long_words_of
 from drivers.pmac.gathering.gathered_data import SCALE_NUMBERS, GatherChannel, GatheredData, motor_channel
@@ -60,7 +60,7 @@ class GatherPlan:
 class DataGathering:
     """The data gathering of the card at the other end of a client; an order is answered within `timeout_s`."""
 
-    client: PmacClient
+    client: Controller
     dialect: Dialect
     timeout_s: float = REPLY_TIMEOUT_S
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.clock import Clock
+from drivers.controller import Controller
 from drivers.errors import ControllerError
 from drivers.pmac import reserved
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat import registers
 from drivers.pmac.heartbeat.lease import SERVO_PERIOD, lease_line, lease_timer
@@ -55,7 +55,7 @@ class HeartbeatLook:
     pulses: tuple[Pulse, Pulse]
 
 
-def read_heartbeat(client: PmacClient, clock: Clock, machine: MachineProfile, dialect: Dialect) -> HeartbeatLook:
+def read_heartbeat(client: Controller, clock: Clock, machine: MachineProfile, dialect: Dialect) -> HeartbeatLook:
     """Look at the heartbeat. The lease is the only thing that is written, and nothing while something is guarded.
 
     Raises:
@@ -83,7 +83,7 @@ def read_heartbeat(client: PmacClient, clock: Clock, machine: MachineProfile, di
     )
 
 
-def _read_definitions(client: PmacClient, numbers: tuple[int, ...]) -> dict[int, str]:
+def _read_definitions(client: Controller, numbers: tuple[int, ...]) -> dict[int, str]:
     found: dict[int, str] = {}
     for start in range(0, len(numbers), ITEMS_PER_LINE):
         batch = numbers[start : start + ITEMS_PER_LINE]
@@ -91,7 +91,7 @@ def _read_definitions(client: PmacClient, numbers: tuple[int, ...]) -> dict[int,
     return found
 
 
-def _read_listing(client: PmacClient) -> tuple[str, ...] | None:
+def _read_listing(client: Controller) -> tuple[str, ...] | None:
     try:
         return client.question(f"LIST PLC{reserved.HEARTBEAT_PLC}", LIST_TIMEOUT_S)
     except ControllerError as refused:
@@ -100,7 +100,7 @@ def _read_listing(client: PmacClient) -> tuple[str, ...] | None:
         raise
 
 
-def _pulse(client: PmacClient, clock: Clock, dialect: Dialect) -> Pulse:
+def _pulse(client: Controller, clock: Clock, dialect: Dialect) -> Pulse:
     asked_s = clock.now_s()
     echo, lease = client.numbers(f"P{reserved.ECHO}", lease_timer(dialect).name, again=True)
     return Pulse(asked_s=asked_s, answered_s=clock.now_s(), echo=echo, lease=lease)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.clock import Clock
+from drivers.controller import Controller
 from drivers.errors import LinkError
 from drivers.pmac import reserved
-from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.keeper import Keeper
 from drivers.pmac.heartbeat.lease import SYSTEM
@@ -50,7 +50,7 @@ class Watch:
 
     def __init__(
         self,
-        client: PmacClient,
+        client: Controller,
         clock: Clock,
         dialect: Dialect,
         motors: tuple[int, ...],

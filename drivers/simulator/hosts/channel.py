@@ -47,7 +47,7 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
             case "measure":
                 return _measured(lathe)
             case "spindle":
-                _turn_spindle(lathe, request["rpm"])
+                lathe.set_spindle(request["rpm"])
                 return {}
             case "fault":
                 return _fault(lathe, str(request["line"]))
@@ -57,13 +57,6 @@ def answer(lathe: SimulatedLathe, line: bytes) -> dict[str, Any]:
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
         return {"refused": f"no request: {error!r}"}
-
-
-def _turn_spindle(lathe: SimulatedLathe, rpm: float | None) -> None:
-    if rpm is None:
-        lathe.stop_spindle()
-    else:
-        lathe.set_spindle_rpm(rpm)
 
 
 def _fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:

@@ -28,11 +28,8 @@ class Attended(command.Faulty, Protocol):
     def power_cycle(self) -> None:
         """Switch the card off and on."""
 
-    def set_spindle_rpm(self, rpm: float) -> None:
-        """Set a spindle on an inverter."""
-
-    def stop_spindle(self) -> None:
-        """Switch it off."""
+    def set_spindle(self, rpm: float | None) -> None:
+        """Set a spindle on an inverter; None switches it off."""
 
 
 def answer(lathe: Attended, line: str) -> str:
@@ -85,10 +82,7 @@ def _no_command(line: str) -> RefusedError:
 def _turn_spindle(lathe: Attended, value: str) -> None:
     """Set the spindle as at its inverter: a speed, positive in the direction of the cut, or off."""
     try:
-        if value == "off":
-            lathe.stop_spindle()
-        else:
-            lathe.set_spindle_rpm(float(value))
+        lathe.set_spindle(None if value == "off" else float(value))
     except ValueError as error:
         raise _CannotBeDoneError(f"spindle '{_shown(value)}' is not possible; allowed: RPM | off") from error
     except RuntimeError as error:

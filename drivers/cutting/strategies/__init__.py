@@ -1,0 +1,1 @@
+"""The strategies, a descriptor each; `drivers.cutting.strategy` registers them."""

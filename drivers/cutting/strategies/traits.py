@@ -1,0 +1,96 @@
+"""The descriptor of a strategy: everything that the rest of the program asks one for.
+
+Nothing numeric is imported here or beside it before a program is made: the command line reads the descriptors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from drivers.pmac.compensation.table import CompensationTable
+    from drivers.pmac.dialect import Dialect
+    from drivers.pmac.programs.setup import CutSetup
+    from drivers.pmac.programs.timebase import SpindleClock
+    from profiles.compensations.path import LobedPath
+    from profiles.job import Job
+    from profiles.machine import MachineProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planning:
+    """What is planned: a job on a machine, the place of the cut, and the path that the part wants.
+
+    `command` is what the tool is told: the inverse of `wanted` where the strategy inverts the servo, else `wanted`
+    itself. `ts_ms` is the TS that was asked for, in whole ms. A cut that is `trimmed` listens to the host while it
+    cuts.
+    """
+
+    job: Job
+    machine: MachineProfile
+    dialect: Dialect
+    setup: CutSetup
+    wanted: LobedPath
+    command: LobedPath
+    ts_ms: int | None = None
+    trimmed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """What a strategy makes of it; `clock` is the spindle where it is the clock of the program.
+
+    The other fields are those of `drivers.cutting.plan.CutPlan`, `definitions` its `axis_definitions`.
+    """
+
+    text: str
+    tool_start: float
+    definitions: tuple[str, ...]
+    restore: tuple[str, ...] = ()
+    table: CompensationTable | None = None
+    correction_register: str = ""
+    zero_row_z: float | None = None
+    clock: SpindleClock | None = None
+
+
+class AngleZero(Enum):
+    """From where a strategy counts the angle of a spindle that somebody else turns, and that was never homed."""
+
+    SWITCH_ON = auto()
+    INDEX = auto()
+
+
+def in_time(machine: MachineProfile) -> int:
+    """Return the servo cycles by which a program sees a spindle late that it turns itself: none."""
+    return 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traits:
+    """One strategy: how its program is made, what it wants, and what may be asked of it.
+
+    `make` returns the program. Without `follows_lobe` the tool keeps its depth. `inverts`: its command is the
+    inverse of a response, so it follows any path of one lobe, and can be learned; `late_cycles` are the servo
+    cycles by which that path sees the spindle late.
+
+    `by_table`: the command is a compensation table, so it may have any waves, and grow along the cut.
+    `spindle_time`: the time of its program is the turning of the spindle. `counts_from` is where the angle of a
+    spindle begins that others turn; None, it has to turn the spindle itself. `trims`: the host may correct it
+    within the cut. `takes_ts`: its segments may be given another time than the printed one.
+
+    `begins_at` is where the spindle begins, in counts from its index; None, there.
+    """
+
+    make: Callable[[Planning], Made]
+    follows_lobe: bool = True
+    inverts: bool = False
+    late_cycles: Callable[[MachineProfile], int] = in_time
+    by_table: bool = False
+    spindle_time: bool = False
+    counts_from: AngleZero | None = None
+    trims: bool = False
+    takes_ts: bool = False
+    begins_at: Callable[[Job, MachineProfile], float] | None = None
