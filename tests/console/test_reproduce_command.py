@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
@@ -18,12 +19,16 @@ Console = Callable[..., Any]
 @pytest.fixture
 def console_without_numerics(console: Console, monkeypatch: pytest.MonkeyPatch) -> Console:
     """The sections computed once; they are tested elsewhere."""
-    monkeypatch.setattr(console_cli, "sections", lambda _: COMPUTED)
+    monkeypatch.setattr(console_cli, "sections", lambda _: computed())
     return console
 
 
 console_cli = console.cli.reproduce
-COMPUTED = sections(lee_2001())
+
+
+@cache
+def computed() -> tuple[Section, ...]:
+    return tuple(sections(lee_2001()))
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
