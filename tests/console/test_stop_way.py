@@ -57,7 +57,7 @@ def test_a_cut_that_was_armed_before_is_not_begun(floor: Floor) -> None:
     floor.do(Start())
     assert [problem.code for problem in floor.state.refusals] == ["stops.connection_lost"]
     assert before is not None and floor.state.snapshot is not None
-    assert [axis.position for axis in floor.state.snapshot.axes] == [axis.position for axis in before.axes]
+    assert [axis.commanded for axis in floor.state.snapshot.axes] == [axis.commanded for axis in before.axes]
 
 
 @pytest.mark.parametrize("way", StopWay)
