@@ -59,7 +59,7 @@ class Watch:
         elif not self.ended and self.rig.clock.now_s() >= self.enough_at_s:
             self.ended = True
             self.rig.client.request("ENDGATHER")
-            self.rig.lathe.hold()
+            self.rig.lathe.program.hold()
 
 
 def measure(
@@ -73,7 +73,7 @@ def measure(
         ProfileError: `identification.*`, what was gathered says nothing.
     """
     sweep = excitation.sweep(frequency_hz, request.periods)
-    rig.lathe.load(read_program(sweep.text))
+    rig.lathe.program.load(read_program(sweep.text))
     gathering = DataGathering(client=rig.client, dialect=rig.dialect)
     try:
         plan = _prepared(rig, gathering, excitation, request.periods / frequency_hz)
@@ -94,8 +94,8 @@ def _run(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> No
     out_counts = rig.lathe.snapshot().tool.position  # the tool is out of everything where it swings
     began_s = rig.clock.now_s()
     watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=began_s + sweep.steady_s)
-    rig.lathe.start(PROGRAM, out_counts)
-    rig.lathe.follow(watch.see, sweep.longest_s + END_S)
+    rig.lathe.program.start(PROGRAM, out_counts)
+    rig.lathe.program.follow(watch.see, sweep.longest_s + END_S)
     if not watch.ended:
         raise DriverError(Problem(code="identify.ended_early", where=rig.where, key=f"PROG {PROGRAM}"))
 

@@ -63,7 +63,7 @@ def card_problems(rig: Rig) -> tuple[Problem, ...]:
     Raises:
         DriverError: the link broke, or another console controls the machine.
     """
-    return (*rig.lathe.verify(), *rig.lathe.tables_left(), *_in_use(rig), *_spindle_turns(rig))
+    return (*rig.lathe.verify(), *rig.lathe.program.tables_left(), *_in_use(rig), *_spindle_turns(rig))
 
 
 def standing_problems(rig: Rig) -> tuple[Problem, ...]:

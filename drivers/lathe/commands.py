@@ -104,6 +104,16 @@ class Sending:
             self._stop.repeat()
         self._stop.check()
 
+    def refuse_moving(self) -> None:
+        """Make sure that nothing moves.
+
+        Raises:
+            RefusedError: `machine.moving`.
+            LinkError: the link broke or is out of step.
+        """
+        if self._looks.look().moving:
+            raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
+
     def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
         """Stop if anything moves behind a line that was not carried out: a character of it acted by itself.
 

@@ -19,7 +19,7 @@ from tests.console.test_owning import jogs
 ORDERS: dict[str, Callable[[Lathe], object]] = {
     "home": lambda lathe: lathe.home(),
     "jog": lambda lathe: lathe.jog_by(AxisName.CARRIAGE, -1000.0),
-    "start": lambda lathe: lathe.start(2, 0.0),
+    "start": lambda lathe: lathe.program.start(2, 0.0),
 }
 
 

@@ -82,7 +82,12 @@ def test_a_second_console_of_this_computer_looks_on_and_writes_nothing(
         second.owning.claim()
     assert refused(error) == ("owner.beside", "")
     assert second.hear() == b""
-    for order in (second.lathe.enable, second.lathe.switch_off, second.lathe.hold, second.lathe.tables_left):
+    for order in (
+        second.lathe.enable,
+        second.lathe.switch_off,
+        second.lathe.program.hold,
+        second.lathe.program.tables_left,
+    ):
         with pytest.raises(RefusedError) as error:
             order()
         assert refused(error)[0] in ("owner.held", "owner.observer")
@@ -201,13 +206,13 @@ def test_who_was_pushed_aside_says_nothing_more_to_the_card_but_a_stop(
     second.owning.take_over()
     first.lathe.snapshot()
     first.hear()
-    first.lathe._to_restore = ("P1=1",)
+    first.lathe.program._to_restore = ("P1=1",)
     orders: tuple[Callable[[], object], ...] = (
         first.lathe.enable,
         first.lathe.switch_off,
-        first.lathe.hold,
-        first.lathe.tables_left,
-        first.lathe.put_back,
+        first.lathe.program.hold,
+        first.lathe.program.tables_left,
+        first.lathe.program.put_back,
     )
     for order in orders:
         with pytest.raises(RefusedError) as error:
@@ -218,7 +223,7 @@ def test_who_was_pushed_aside_says_nothing_more_to_the_card_but_a_stop(
     motions: tuple[Callable[[], object], ...] = (
         first.lathe.home,
         lambda: first.lathe.jog_by(AxisName.CARRIAGE, -1000.0),
-        lambda: first.lathe.start(2, 0.0),
+        lambda: first.lathe.program.start(2, 0.0),
     )
     for motion in motions:
         with pytest.raises(RefusedError) as error:

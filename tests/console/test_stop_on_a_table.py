@@ -25,9 +25,9 @@ def test_after_a_stop_on_a_table_f8_leaves_nothing_of_it(tmp_path: Path) -> None
     floor.idle()
     assert floor.state.stop is not None and floor.state.stop.rest_s is not None
     floor.do(Recover())
-    assert [problem.code for problem in floor.lathe.tables_left()] != []
+    assert [problem.code for problem in floor.lathe.program.tables_left()] != []
     state = floor.do(Retract())
     assert state.activity is Activity.READY and state.refusals == () and state.stop is None, state.alarms
-    assert floor.lathe.tables_left() == ()
+    assert floor.lathe.program.tables_left() == ()
     assert floor.sim.controller.variables.i(51) == 0.0
     assert floor.arm(job, Strategy.CAM).armed is not None, floor.state.refusals

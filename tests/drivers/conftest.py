@@ -125,15 +125,15 @@ class Bench:
 
     def begin(self, plan: CutPlan) -> None:
         """Load a cut, bring the axes to where it begins, and start it, as the console does it."""
-        self.lathe.load(plan.program)
+        self.lathe.program.load(plan.program)
         self.lathe.jog_to(AxisName.TOOL, plan.setup.retracted)
         self.to_start(plan)
-        self.lathe.start(plan.program.number, plan.setup.retracted)
+        self.lathe.program.start(plan.program.number, plan.setup.retracted)
 
     def cut(self, plan: CutPlan) -> None:
         """Make the whole cut."""
         self.begin(plan)
-        self.lathe.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
+        self.lathe.program.follow(lambda snapshot: None, timeout_s=2 * plan.duration_s)
 
     @property
     def moving(self) -> bool:

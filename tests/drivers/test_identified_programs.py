@@ -37,10 +37,10 @@ def test_a_program_ends_by_itself_when_nobody_ends_it(machine: MachineProfile) -
     made = ready(machine)
     sweep = PvtPath(machine, 50.0).sweep(50.0, 10)
     lathe = made.rig.lathe
-    lathe.load(read_program(sweep.text))
+    lathe.program.load(read_program(sweep.text))
     began_s = made.sim.now_s()
-    lathe.start(PROGRAM, 0.0)
-    snapshot = lathe.follow(lambda _: None, sweep.longest_s + 15.0)
+    lathe.program.start(PROGRAM, 0.0)
+    snapshot = lathe.program.follow(lambda _: None, sweep.longest_s + 15.0)
     assert made.sim.now_s() - began_s == pytest.approx(sweep.longest_s, abs=0.5)
     assert abs(snapshot.tool.position) <= 4.0
 
@@ -59,10 +59,10 @@ def test_the_tool_is_told_a_sine_about_its_centre(machine: MachineProfile) -> No
         told.extend(commands)
         return follow(commands)
 
-    made.rig.lathe.load(read_program(sweep.text))
+    made.rig.lathe.program.load(read_program(sweep.text))
     motor.axis.follow = kept  # type: ignore[method-assign,assignment]
-    made.rig.lathe.start(PROGRAM, 0.0)
-    made.rig.lathe.follow(lambda _: None, sweep.longest_s + 15.0)
+    made.rig.lathe.program.start(PROGRAM, 0.0)
+    made.rig.lathe.program.follow(lambda _: None, sweep.longest_s + 15.0)
     steady = np.array(told[2000:3000])
     time = np.arange(len(steady)) * machine.controller.servo_period_ms / 1000.0
     angle = 2 * np.pi * 70.0 * time

@@ -159,7 +159,7 @@ def test_other_gains_are_another_origin_and_another_response(machine: MachinePro
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
 def test_the_card_is_as_before_and_the_machine_at_rest(machine: MachineProfile, path: Strategy) -> None:
     of = ready(machine)
-    of.rig.lathe.tables_left()  # points a variable of the console at the correction
+    of.rig.lathe.program.tables_left()  # points a variable of the console at the correction
     before = read_configuration(of.rig.client, of.rig.dialect, whole_card(of.rig.dialect))
     found(of, path, 40.0, periods=6)
     assert read_configuration(of.rig.client, of.rig.dialect, whole_card(of.rig.dialect)) == before

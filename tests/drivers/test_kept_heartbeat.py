@@ -80,12 +80,12 @@ def test_a_host_that_sleeps_in_a_jog_finds_it_ended_and_says_so(kept: Kept) -> N
 
 def test_a_program_that_knows_no_lease_is_ended_by_the_card_when_this_host_is_silent(kept: Kept) -> None:
     kept.lathe.home()
-    kept.lathe.load(read_program(SLOW))
-    kept.lathe.start(3, 0.0)
+    kept.lathe.program.load(read_program(SLOW))
+    kept.lathe.program.start(3, 0.0)
     assert kept.client.numbers("P1003") == (2.0,), "the card guards a cut"
     kept.silent_once(3.0)
     with pytest.raises(DriverError) as failed:
-        kept.lathe.follow(lambda _: None, 60.0)
+        kept.lathe.program.follow(lambda _: None, 60.0)
     assert code(failed) == "heartbeat.lapsed"
     kept.sim.wait(1.0)
     assert kept.lathe.snapshot().at_rest and kept.lathe.snapshot().lost == 2
@@ -120,8 +120,8 @@ def test_without_permission_for_plcs_no_drive_is_switched_on(machine: MachinePro
 
 def test_a_stop_ends_the_guard_so_that_the_card_moves_nothing_behind_it(kept: Kept) -> None:
     kept.lathe.home()
-    kept.lathe.load(read_program(SLOW))
-    kept.lathe.start(3, 0.0)
+    kept.lathe.program.load(read_program(SLOW))
+    kept.lathe.program.start(3, 0.0)
     kept.sim.wait(0.1)
     kept.stop.stop("operator")
     kept.lathe.wait_for_rest()

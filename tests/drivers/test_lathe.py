@@ -80,7 +80,7 @@ def test_verifying_writes_nothing(bench: Bench) -> None:
 
 
 def test_a_program_is_loaded_and_read_back(bench: Bench) -> None:
-    bench.lathe.load(read_program(SLOW))
+    bench.lathe.program.load(read_program(SLOW))
     assert bench.client.request("LIST PROG 3") == ("INC", "TA100 TS0 TM60000", "Z60000")
 
 
@@ -93,7 +93,7 @@ def test_a_program_that_arrives_changed_is_refused(
 ) -> None:
     lathe = over(bench, machine, lambda data: data.replace(before, after))
     with pytest.raises(DriverError) as refused:
-        lathe.load(read_program(SLOW))
+        lathe.program.load(read_program(SLOW))
     assert refused.value.problems[0].code in ("controller.program_differs", "link.out_of_step")
     if b"\r" not in after:
         assert refused.value.problems[0].key == place
@@ -102,7 +102,7 @@ def test_a_program_that_arrives_changed_is_refused(
 def test_a_line_that_the_controller_refuses_is_named(bench: Bench, machine: MachineProfile) -> None:
     lathe = over(bench, machine, lambda data: data.replace(b"Z60000", b"?Z60000 <="))
     with pytest.raises(ControllerError) as refused:
-        lathe.load(read_program(SLOW))
+        lathe.program.load(read_program(SLOW))
     assert (refused.value.error_number, refused.value.problems[0].value) == (3, "Z60000")
     assert bench.sim.controller.open_buffer is None
 
@@ -142,11 +142,11 @@ def test_an_axis_that_does_not_close_is_told(bench: Bench, machine: MachineProfi
 
 
 def test_a_program_is_followed_to_its_end_and_every_look_is_shown(closed: Bench) -> None:
-    closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA100 TS0 TM1000\nZ1000\nZ1000\nCLOSE\n"))
+    closed.lathe.program.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA100 TS0 TM1000\nZ1000\nZ1000\nCLOSE\n"))
     seen: list[Snapshot] = []
-    closed.lathe.start(3, 0.0)
+    closed.lathe.program.start(3, 0.0)
     began = closed.sim.now_s()
-    last = closed.lathe.follow(seen.append, timeout_s=10.0)
+    last = closed.lathe.program.follow(seen.append, timeout_s=10.0)
     assert last.in_position
     assert last.carriage.position == pytest.approx(2000)
     assert closed.sim.now_s() - began == pytest.approx(2.1, abs=0.1)
@@ -156,25 +156,25 @@ def test_a_program_is_followed_to_its_end_and_every_look_is_shown(closed: Bench)
 
 
 def test_a_program_that_takes_too_long_is_stopped(closed: Bench) -> None:
-    closed.lathe.load(read_program(SLOW))
-    closed.lathe.start(3, 0.0)
+    closed.lathe.program.load(read_program(SLOW))
+    closed.lathe.program.start(3, 0.0)
     began = closed.sim.now_s()
     with pytest.raises(DriverError) as late:
-        closed.lathe.follow(lambda snapshot: None, timeout_s=1.0)
+        closed.lathe.program.follow(lambda snapshot: None, timeout_s=1.0)
     assert late.value.problems[0].code == "machine.timeout"
     assert closed.sim.now_s() - began == pytest.approx(1.0, abs=0.1)
     closed.lathe.wait_for_rest()
     assert stands_still(closed)
     with pytest.raises(StoppedError):
-        closed.lathe.start(3, 0.0)
+        closed.lathe.program.start(3, 0.0)
 
 
 def test_a_fault_under_way_stops_the_machine_and_is_named(closed: Bench) -> None:
     closed.client.request("I111=160 I117=0")
-    closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nX40000\nZ1000\nCLOSE\n"))
-    closed.lathe.start(3, 0.0)
+    closed.lathe.program.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nX40000\nZ1000\nCLOSE\n"))
+    closed.lathe.program.start(3, 0.0)
     with pytest.raises(DriverError) as fault:
-        closed.lathe.follow(lambda snapshot: None, timeout_s=10.0)
+        closed.lathe.program.follow(lambda snapshot: None, timeout_s=10.0)
     assert fault.value.problems[0].code == "machine.fault"
     assert "tool: fatal_following_error" in fault.value.problems[0].value
     assert [problem.code for problem in fault.value.problems[1:]] == ["machine.tool_left_behind"]
@@ -183,19 +183,19 @@ def test_a_fault_under_way_stops_the_machine_and_is_named(closed: Bench) -> None
 
 
 def test_a_run_time_error_is_a_fault(closed: Bench) -> None:
-    closed.lathe.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nZ10\nP(0-1)=1\nCLOSE\n"))
-    closed.lathe.start(3, 0.0)
+    closed.lathe.program.load(read_program("OPEN PROG 3\nCLEAR\nINC\nTA1 TS0 TM100\nZ10\nP(0-1)=1\nCLOSE\n"))
+    closed.lathe.program.start(3, 0.0)
     with pytest.raises(DriverError) as fault:
-        closed.lathe.follow(lambda snapshot: None, timeout_s=10.0)
+        closed.lathe.program.follow(lambda snapshot: None, timeout_s=10.0)
     assert "program: runtime_error" in fault.value.problems[0].value
 
 
 def test_a_stop_inside_the_watch_ends_the_wait_and_nothing_moves_afterwards(closed: Bench) -> None:
-    closed.lathe.load(read_program(SLOW))
-    closed.lathe.start(3, 0.0)
+    closed.lathe.program.load(read_program(SLOW))
+    closed.lathe.program.start(3, 0.0)
     closed.sim.wait(0.5)
     with pytest.raises(StoppedError) as stopped:
-        closed.lathe.follow(lambda snapshot: closed.stop.stop("operator"), timeout_s=10.0)
+        closed.lathe.program.follow(lambda snapshot: closed.stop.stop("operator"), timeout_s=10.0)
     assert stopped.value.problems[0].value == "operator"
     snapshot = closed.lathe.wait_for_rest()
     assert snapshot.at_rest
@@ -234,8 +234,8 @@ def test_a_stop_from_another_thread_ends_a_jog(closed: Bench, kill: bool) -> Non
         lambda lathe: lathe.enable(),
         lambda lathe: lathe.home(),
         lambda lathe: lathe.jog_to(AxisName.TOOL, 100.0),
-        lambda lathe: lathe.load(read_program(SLOW)),
-        lambda lathe: lathe.start(3, 0.0),
+        lambda lathe: lathe.program.load(read_program(SLOW)),
+        lambda lathe: lathe.program.start(3, 0.0),
     ],
 )
 def test_after_a_stop_nothing_that_moves_is_sent(closed: Bench, act: Callable[[Lathe], None]) -> None:

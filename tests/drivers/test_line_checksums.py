@@ -105,7 +105,7 @@ ORDERS: dict[str, Callable[[Bench], None]] = {
     "jog": lambda made: made.lathe.jog_to(AxisName.TOOL, -500.0),
     "home": lambda made: made.lathe.home(),
     "drives on": lambda made: made.lathe.enable(),
-    "start": lambda made: made.lathe.start(77, 0.0),
+    "start": lambda made: made.lathe.program.start(77, 0.0),
 }
 every_order = pytest.mark.parametrize("order", list(ORDERS))
 

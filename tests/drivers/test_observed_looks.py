@@ -52,11 +52,11 @@ def test_every_wait_shows_the_machine_on_its_way(bench: Bench) -> None:
     lathe.jog_to(AxisName.CARRIAGE, 10_000.0)
     assert [s.carriage.position for s in seen] == sorted(s.carriage.position for s in seen)
     assert any(100 < s.carriage.position < 9_900 and s.moving for s in seen)
-    lathe.load(read_program(SHORT))
+    lathe.program.load(read_program(SHORT))
     seen.clear()
     watched: list[Snapshot] = []
-    lathe.start(3, 0.0)
-    last = lathe.follow(watched.append, timeout_s=10.0)
+    lathe.program.start(3, 0.0)
+    last = lathe.program.follow(watched.append, timeout_s=10.0)
     assert seen == watched
     assert seen[-1] is last
     assert not last.moving

@@ -178,8 +178,8 @@ def test_a_stop_sent_again_asks_for_a_new_proof() -> None:
 @pytest.mark.parametrize("kill", [False, True])
 def test_after_a_proven_stop_the_machine_works_again(closed: Bench, kill: bool) -> None:
     lathe, stop = closed.lathe, closed.stop
-    lathe.load(read_program(SLOW))
-    lathe.start(3, 0.0)
+    lathe.program.load(read_program(SLOW))
+    lathe.program.start(3, 0.0)
     closed.sim.wait(0.5)
     lathe.snapshot()
     (stop.kill if kill else stop.stop)("operator")
@@ -244,9 +244,9 @@ def test_a_stop_after_the_proof_must_be_proven_itself(closed: Bench) -> None:
 def test_a_program_that_ended_with_an_error_does_not_keep_the_axes_from_jogging(closed: Bench) -> None:
     """Its error bit stays set until the next program is started."""
     lathe = closed.lathe
-    lathe.load(read_program(FAULTY))
-    lathe.start(3, 0.0)
-    assert refusal(lambda: lathe.follow(lambda snapshot: None, 10.0)).code == "machine.fault"
+    lathe.program.load(read_program(FAULTY))
+    lathe.program.start(3, 0.0)
+    assert refusal(lambda: lathe.program.follow(lambda snapshot: None, 10.0)).code == "machine.fault"
     lathe.wait_for_rest()
     closed.stop.release()
     assert lathe.snapshot().faults == ("program: runtime_error",)

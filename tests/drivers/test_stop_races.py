@@ -61,13 +61,13 @@ def tampered(bench: Bench, *, enabled: bool = True) -> tuple[Tampered, Lathe, St
     return link, lathe, stop
 
 
-@pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.start(3, 0.0)])
+@pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.program.start(3, 0.0)])
 def test_a_stop_that_overtakes_a_line_that_moves_is_sent_again_behind_it(
     bench: Bench, start: Callable[[Lathe], None]
 ) -> None:
     """The signal comes between the last check and the send: the motion must not outlive the next few ms."""
     link, lathe, stop = tampered(bench)
-    lathe.load(read_program(SPIN))
+    lathe.program.load(read_program(SPIN))
     lathe.snapshot()
     places = {motor: bench.sim.controller.motors[motor].actual for motor in (1, 2, 3)}
     link.before_send = lambda data: stop.stop("signal")
@@ -81,13 +81,13 @@ def test_a_stop_that_overtakes_a_line_that_moves_is_sent_again_behind_it(
         assert bench.sim.controller.motors[motor].actual == pytest.approx(place, abs=5)
 
 
-@pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.start(3, 0.0)])
+@pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.program.start(3, 0.0)])
 def test_nothing_that_moves_leaves_behind_a_stop_on_the_way_back_in_step(
     bench: Bench, start: Callable[[Lathe], None]
 ) -> None:
     """Something came unasked, and while the line is emptied and proven anew somebody stops."""
     link, lathe, stop = tampered(bench)
-    lathe.load(read_program(SPIN))
+    lathe.program.load(read_program(SPIN))
     lathe.snapshot()
     said: list[bytes] = []
 
@@ -133,10 +133,10 @@ def test_an_older_reply_does_not_turn_a_kill_into_an_abort(bench: Bench) -> None
 
 def test_a_lost_reply_in_a_cut_costs_one_look_and_nothing_else(bench: Bench) -> None:
     link, lathe, _ = tampered(bench)
-    lathe.load(read_program(SPIN.replace("TM20000", "TM1000").replace("1000000", "20000")))
-    lathe.start(3, 0.0)
+    lathe.program.load(read_program(SPIN.replace("TM20000", "TM1000").replace("1000000", "20000")))
+    lathe.program.start(3, 0.0)
     link.deaf_for = 1
-    assert lathe.follow(lambda snapshot: None, timeout_s=20.0).in_position
+    assert lathe.program.follow(lambda snapshot: None, timeout_s=20.0).in_position
     assert link.urgent == []
 
 
@@ -158,8 +158,8 @@ def test_the_stop_is_repeated_at_five_hertz_while_no_reply_comes(bench: Bench) -
 
 def test_a_spindle_that_runs_out_after_a_kill_is_proven_at_rest(bench: Bench) -> None:
     _, lathe, stop = tampered(bench)
-    lathe.load(read_program(SPIN.replace("1000000", "3333333")))
-    lathe.start(3, 0.0)
+    lathe.program.load(read_program(SPIN.replace("1000000", "3333333")))
+    lathe.program.start(3, 0.0)
     bench.sim.wait(5.0)
     stop.kill("operator")
     snapshot = lathe.wait_for_rest()
@@ -173,8 +173,8 @@ def test_a_ramp_that_had_to_become_a_kill_has_the_time_to_run_out(bench: Bench) 
     """Control-A, then a lost reply: the drives are in doubt, control-K follows at full speed."""
     link, lathe, stop = tampered(bench)
     bench.client.request("I215=0.02")
-    lathe.load(read_program(SPIN.replace("1000000", "3333333")))
-    lathe.start(3, 0.0)
+    lathe.program.load(read_program(SPIN.replace("1000000", "3333333")))
+    lathe.program.start(3, 0.0)
     bench.sim.wait(5.0)
     lathe.snapshot()
     link.deaf_for = 2

@@ -76,7 +76,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     ),
     # An axis may stand on a limit and move off it; the other way it does not arrive.
     "limit, carriage positive": _row(
-        LOADING="stopped, ^A: machine.not_arrived",
+        LOADING="stopped, ^A: machine.fault",
         POSITIONING=FAULT_A,
         CHECKING=FAULT_A,
         STARTING=FAULT_A,

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from console.session.cut import planning
 from console.session.data import records
-from console.session.station import cutting
 from drivers.lathe import standstill
 from drivers.simulator.faults.catalogue import CATALOGUE
 from tests.matrix.cell import run_cell
@@ -34,7 +34,7 @@ PATIENCE_S = 20.0
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plan once for all cells, wait no longer than for that spindle, and keep records nowhere."""
-    monkeypatch.setattr(cutting, "plan_cut", planned_once)
+    monkeypatch.setattr(planning, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
     monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
 

@@ -42,8 +42,8 @@ def air_cut(site: Site) -> CutPlan:
     """Experiment 1 with 10 turns of feed, from where the spindle stands; nothing is clamped."""
     lathe, counts = site.lathe, site.machine.spindle.counts_per_rev
     turns = math.ceil(lathe.snapshot().spindle.position / counts)
-    plan = plan_cut(JOB, site.machine, Strategy.PVT, from_turn=turns, lease=lathe.lease)
-    lathe.load(plan.program, plan.axis_definitions)
+    plan = plan_cut(JOB, site.machine, Strategy.PVT, from_turn=turns, lease=lathe.program.lease)
+    lathe.program.load(plan.program, plan.axis_definitions)
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
     lathe.jog_to(AxisName.TOOL, plan.tool_start)
@@ -124,8 +124,8 @@ def cuts(site: Site) -> float:
     number = plan.program.number
     assert len(site.client.question(f"LIST PROG{number}")) > 20
     deepest: list[float] = []
-    lathe.start(number, plan.setup.retracted)
-    last = lathe.follow(lambda look: deepest.append(look.tool.position), 2 * plan.duration_s)
+    lathe.program.start(number, plan.setup.retracted)
+    last = lathe.program.follow(lambda look: deepest.append(look.tool.position), 2 * plan.duration_s)
     assert max(deepest) > plan.setup.surface
     assert last.at_rest and is_out(site, plan)
     assert last.carriage.position >= plan.carriage_start + plan.setup.carriage_counts - CLOSE_COUNTS
@@ -140,10 +140,10 @@ def holds_and_retracts(site: Site, full_way: float) -> None:
     def hold(look: Snapshot) -> None:
         if look.carriage.position > plan.carriage_start + 3 * plan.setup.carriage_per_turn and not held:
             held.append(look)
-            lathe.hold()
+            lathe.program.hold()
 
-    lathe.start(plan.program.number, plan.setup.retracted)
-    last = lathe.follow(hold, 2 * plan.duration_s)
+    lathe.program.start(plan.program.number, plan.setup.retracted)
+    last = lathe.program.follow(hold, 2 * plan.duration_s)
     assert last.at_rest and is_out(site, plan) and held
     assert last.carriage.position < full_way - 3 * plan.setup.carriage_per_turn
 
@@ -151,10 +151,10 @@ def holds_and_retracts(site: Site, full_way: float) -> None:
 def stops_in_a_cut(site: Site) -> None:
     """The tool stays where the stop left it, in the part; it is taken out when somebody asks for that."""
     lathe, plan = site.lathe, air_cut(site)
-    lathe.start(plan.program.number, plan.setup.retracted)
+    lathe.program.start(plan.program.number, plan.setup.retracted)
     watch = stopped_when(site, lambda look: look.carriage.position > plan.carriage_start + 100.0)
     with pytest.raises(StoppedError, match="operator"):
-        lathe.follow(watch, 2 * plan.duration_s)
+        lathe.program.follow(watch, 2 * plan.duration_s)
     assert comes_to_rest(site).tool.position > plan.setup.surface - 500.0
     lathe.retract(plan.setup.retracted)
     assert is_out(site, plan)

@@ -87,7 +87,7 @@ def load(context: CutContext, plan: CutPlan, observer: Observer, *, aligned: boo
     """
     lathe = context.lathe
     _refuse_tables(lathe)
-    lathe.load(plan.program, plan.axis_definitions, plan.restore)
+    lathe.program.load(plan.program, plan.axis_definitions, plan.restore)
     observer.step(Step.CHECK, f"PROG {plan.program.number}")
     if aligned:
         refuse_unless(*_ready(lathe, plan, at_start=False))
@@ -111,18 +111,19 @@ def cut(context: CutContext, job: Job, plan: CutPlan, observer: Observer, *, set
     _go_to_start(lathe, plan, settle_tool=settle_tool)
     _turn(context, job.spindle_speed_rpm)
     observer.step(Step.ARM, f"{plan.spindle_speed_rpm:.6g} rpm")
-    refuse_unless(*_ready(lathe, plan, at_start=True), _commissioned(context), at_speed(lathe, job))
+    commissioned = _commissioned(context)
+    refuse_unless(*_ready(lathe, plan, at_start=True), commissioned, at_speed(lathe, job))
     refuse_unless_held(lathe, plan)
     observer.step(Step.CUT, f"{plan.duration_s:.1f} s")
     figures = _run(lathe, job, plan, observer)
-    if figures is None and not lathe.held:
+    if figures is None and not lathe.program.held:
         raise SessionError(nothing_seen(job))
     _refuse_tables(lathe)
     observer.step(Step.RETRACT, "")
     last = _proven_clear(lathe, plan)
     _turn(context, 0.0)
     lathe.stop.check()  # a stop in the last moment is not to be lost in a report
-    return CutEnd(last=last, figures=figures, held=lathe.held)
+    return CutEnd(last=last, figures=figures, held=lathe.program.held)
 
 
 def _run(lathe: Lathe, job: Job, plan: CutPlan, observer: Observer) -> CutFigures | None:
@@ -130,13 +131,13 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, observer: Observer) -> CutFigure
     planned, telemetry = PlannedCut(lathe, plan), Telemetry(plan, lathe.machine, job.cut_length_mm)
 
     def see(snapshot: Snapshot) -> None:
-        telemetry.see(snapshot, holding=lathe.held)
+        telemetry.see(snapshot, holding=lathe.program.held)
         planned.see(snapshot)
         observer.see(snapshot)
 
-    lathe.start(plan.program.number, plan.setup.retracted)
-    lathe.follow(see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, planned.guard)
-    lathe.put_back()
+    lathe.program.start(plan.program.number, plan.setup.retracted)
+    lathe.program.follow(see, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, planned.guard)
+    lathe.program.put_back()
     problems = planned.problems()
     if problems:
         raise NotAsPlannedError(*problems, turns=None if planned.end is None else planned.end.turns)
@@ -163,7 +164,7 @@ def _commissioned(context: CutContext) -> Interlock:
 
 def _refuse_tables(lathe: Lathe) -> None:
     """Refuse to go on while a compensation table adds something to the tool, or has left something there."""
-    refuse_unless(Interlock(name="no_table", problems=lathe.tables_left()))
+    refuse_unless(Interlock(name="no_table", problems=lathe.program.tables_left()))
 
 
 def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:

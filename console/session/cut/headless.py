@@ -141,7 +141,7 @@ def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionEr
         return SessionError(*error.problems, *unproven.problems, Problem(code="machine.state_unknown"))
     with suppress(ProblemError):
         # The machine rests, and what went wrong is what matters: the next cut would find the rest.
-        lathe.put_back()
+        lathe.program.put_back()
     if not snapshot.homed:
         return SessionError(*error.problems, Problem(code="machine.tool_unknown"))
     if not tool_clear(snapshot, plan):

@@ -25,7 +25,7 @@ def refuse_unless_held(lathe: Lathe, plan: CutPlan, *, tables: bool = True) -> N
         LinkError: the link broke.
     """
     try:
-        lathe.holds(plan.program, tables=tables)
+        lathe.program.holds(plan.program, tables=tables)
     except LinkError:
         raise
     except DriverError as changed:
@@ -45,7 +45,7 @@ class PlannedCut:
     def see(self, snapshot: Snapshot) -> None:
         """Take in a poll of the cut."""
         self._length.see(snapshot)
-        if not self._lathe.held:  # on its way out the tool is on no path of a turn
+        if not self._lathe.program.held:  # on its way out the tool is on no path of a turn
             self._path.see(snapshot)
 
     def problems(self) -> tuple[Problem, ...]:
@@ -57,16 +57,16 @@ class PlannedCut:
         Raises:
             LinkError: the link broke.
         """
-        end = self._lathe.program_end()
+        end = self._lathe.program.end()
         # A program that was ended in mid-turn has not told of its turns any more.
         self.end = end if end.finished else replace(end, turns=self._length.turns)
-        early = end_problems(self._plan, self.end, self._length, held=self._lathe.held)
+        early = end_problems(self._plan, self.end, self._length, held=self._lathe.program.held)
         changed = (*early, *self._changed(), *self._lathe.verify())
         return changed or tuple(self._path.problems())
 
     def _changed(self) -> tuple[Problem, ...]:
         try:
-            self._lathe.holds(self._plan.program, ended=True)
+            self._lathe.program.holds(self._plan.program, ended=True)
         except LinkError:
             raise
         except DriverError as changed:

@@ -52,7 +52,7 @@ def planned(
         job,
         machine,
         strategy,
-        ts_ms,
+        ts_ms=ts_ms,
         from_turn=from_turn,
         lease=lease,
         path=staged(job, machine, strategy, stage, path),

@@ -30,7 +30,7 @@ class AirWatch:
     """Gathers one long batch in air."""
 
     def __init__(self, lathe: Lathe, lobes: int) -> None:
-        self._gather: BatchGather = lathe.batches()
+        self._gather: BatchGather = lathe.program.batches()
         self._lobes = lobes
         self._batches: list[Batch] = []
 
@@ -59,7 +59,7 @@ class CutLearner:
 
     def __init__(self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True) -> None:
         self._lathe, self._job, self._off, self._trims = lathe, job, off, trims
-        self._gather = lathe.batches()
+        self._gather = lathe.program.batches()
         self._response = nominal_response(Strategy.PVT, lathe.machine, job.lobe_frequency_hz)
         self._found: list[tuple[float, HarmonicFit, complex]] = []
         self._over = False
@@ -80,7 +80,7 @@ class CutLearner:
             if error.problems[0].code not in HELD_FOR:
                 raise
             self._failed = error
-            self._lathe.hold()
+            self._lathe.program.hold()
 
     def refuse_failed(self) -> None:
         """Say what has ended the cut.
@@ -98,7 +98,7 @@ class CutLearner:
             return
         error_um = found.coefficients_um[self._job.jaws]
         self.trim_um = trimmed(self.trim_um, error_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
-        self._lathe.trim(self.trim_um)
+        self._lathe.program.trim(self.trim_um)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:
         """Return what the tool was off where the part is measured, and the trim that was in effect there.

@@ -100,7 +100,7 @@ class _Watch:
 
     def __init__(self, bench: Bench, wanted: LobedPath, lobes: int) -> None:
         self._bench, self._wanted, self._lobes = bench, wanted, lobes
-        self._gather = bench.lathe.batches()
+        self._gather = bench.lathe.program.batches()
         self._batches: list[Batch] = []
         self._iron: list[tuple[float, float]] = []
         self._plan: CutPlan | None = None

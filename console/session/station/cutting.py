@@ -42,7 +42,7 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
         SessionError: every reason why this cut may not start.
     """
     place.tell(armed=None)
-    place.lathe.put_back()
+    place.lathe.program.put_back()
     refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
     context, strategy = place.context, order.strategy
     also = _learned(place, order), _commissioned(context)
@@ -87,7 +87,7 @@ def _planned(place: Workplace, order: Arm, job: Job) -> CutPlan:
     """
     strategy, machine, stage = order.strategy, place.machine, Stage(order.stage)
     path = path_of(job, order.job, order.compensation)
-    turn, lease = _nearest_turn(place, job, order), place.lathe.lease
+    turn, lease = _nearest_turn(place, job, order), place.lathe.program.lease
     try:
         return planned(job, machine, strategy, stage, path, lease=lease, from_turn=turn)
     except ProblemError as refused:
@@ -108,7 +108,7 @@ def _made_with(place: Workplace, order: Arm) -> MadeWith:
 def disarm(place: Workplace, _: Disarm) -> None:
     """Take it back, and what arming has changed on the controller."""
     place.tell(armed=None)
-    place.lathe.put_back()
+    place.lathe.program.put_back()
 
 
 def start(place: Workplace, _: Start) -> None:
@@ -167,13 +167,13 @@ class _Watched:
     def see(self, snapshot: Snapshot) -> None:
         """Pass the operator's hold on, once, between two polls of the program."""
         place = self._place
-        if place.hold_asked and not place.lathe.held:
-            place.lathe.hold()
+        if place.hold_asked and not place.lathe.program.held:
+            place.lathe.program.hold()
 
     def publish(self, snapshot: Snapshot) -> None:
         """Show a poll of the machine, in whatever wait it was made."""
         place = self._place
-        seen = self.watch.see(snapshot, self._stage, place.lathe.held, place.state.spindle_rpm)
+        seen = self.watch.see(snapshot, self._stage, place.lathe.program.held, place.state.spindle_rpm)
         place.tell(cut=seen, touched=touched_by(seen, place.state.touched))
 
 
@@ -198,18 +198,18 @@ def retract(place: Workplace, _: Retract) -> None:
             snapshot.tool.position - tool.retract_mm * tool.counts_per_mm, tool.travel_min_mm * tool.counts_per_mm
         )
     place.lathe.retract(target)
-    place.lathe.put_back()
+    place.lathe.program.put_back()
     _leave_tables(place)
 
 
 def _leave_tables(place: Workplace) -> None:
-    if not place.lathe.tables_left():
+    if not place.lathe.program.tables_left():
         return
     plan = place.plan
     # Without a plan: the zero of the carriage is in front of every table.
     zero_z = 0.0 if plan is None or plan.zero_row_z is None else plan.zero_row_z
     place.lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
-    refuse_unless(Interlock(name="no_table", problems=place.lathe.switch_tables_off()))
+    refuse_unless(Interlock(name="no_table", problems=place.lathe.program.switch_tables_off()))
 
 
 def _nearest_turn(place: Workplace, job: Job, order: Arm) -> int:

@@ -69,10 +69,10 @@ OVER_PART_MM = 2.0
 def verify(place: Workplace, _: Verify) -> None:
     """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
     if place.state.controls:
-        place.lathe.put_back()
+        place.lathe.program.put_back()
     settings = place.lathe.verify()
     if place.state.controls:
-        settings = (*settings, *place.lathe.tables_left())
+        settings = (*settings, *place.lathe.program.tables_left())
         if place.commissioned is not None:
             place.commissioned.take_fingerprint()
     place.tell(alignment=replace(place.state.alignment, settings=settings))
@@ -124,7 +124,7 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
 def switch_off(place: Workplace, _: SwitchOff) -> None:
     """Open the loops."""
     place.lathe.switch_off()
-    place.lathe.put_back()
+    place.lathe.program.put_back()
 
 
 def home(place: Workplace, _: Home) -> None:

@@ -10,38 +10,30 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from console.session.cut.alignment import observed
 from console.session.errors import SessionError
-from console.session.station.alarms import COLLISION_CODES, OF_A_CUT, Priority, collision_problems, seen
+from console.session.station.alarms import OF_A_CUT, Priority, seen
+from console.session.station.chuck_sight import ChuckSight
 from console.session.station.home_watch import watch_home
 from console.session.station.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
-from console.session.station.jogging import behind_face_mm, tool_in_part
 from console.session.station.link_time import LinkTime
 from console.session.station.orders import ORDERS
-from console.session.station.progress import RUNNING, CutStage, SpindleWatch
-from console.session.station.state import IDLE, MOVING, Activity, StationState, StopState
-from console.session.station.watches import watch_axes, watch_devices, watch_guard, watch_loss
+from console.session.station.progress import SpindleWatch
+from console.session.station.state import IDLE, MOVING, Activity, StationState
+from console.session.station.stops import Stops
+from console.session.station.watches import watch_axes, watch_devices, watch_guard, watch_loss, watch_phase
 from console.session.station.workplace import Workplace, watch_stop_way
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StoppedError
 from drivers.link.base import GONE
 from profiles.problem import Problem, ProblemError
 
 SCREEN_TIMEOUT_S = 2.0
 """How long the screen may be silent while something moves."""
-
-SIGHT_PERIOD_S = 0.15
-"""Between two looks at the chuck of the simulated shop."""
-
-SIGHT_PERIOD_IN_MOTION_S = 1.0
-"""The same while something moves, when looks and leases come first; what the tool runs into is to be told."""
-
 
 OBSERVERS_ORDERS = (Verify, Recover, TakeOver)
 """What a console may ask for that only looks on; a stop needs nobody's leave."""
@@ -54,13 +46,10 @@ class Station:
         self._place = place
         self._order: Intent | None = None
         self._beat_s: float | None = None
-        self._sight_s = float("-inf")
-        self._met: tuple[str, ...] = ()
         self._slot = threading.Lock()
-        self._gone = False
         self._link_time = LinkTime()
-        self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
         self._spindle = SpindleWatch(place.loaded_machine.machine.spindle.counts_per_rev)
+        self._stops, self._sight = Stops(place, self._spindle.forget), ChuckSight(place)
 
     @property
     def state(self) -> StationState:
@@ -89,13 +78,13 @@ class Station:
         watch_devices(place, state.snapshot, snapshot)
         watch_guard(place)
         watch_stop_way(place)
-        self._watch_stop(snapshot)
+        self._stops.watch(snapshot)
         if place.seen is not None:
             place.seen(snapshot)
-            self._watch_phase()
+            watch_phase(place)
         else:
             place.end_alarms(*OF_A_CUT)
-        self._look_at_chuck()
+        self._sight.look()
         self._watch_screen()
 
     def connect(self) -> bool:
@@ -162,10 +151,10 @@ class Station:
             self._place.alarm(_fault_problem(fault))
 
     def _step(self, order: Intent | None) -> None:
-        if self._gone:
+        if self._stops.gone:
             return
         if self._place.lathe.stop.reason is not None and not isinstance(order, Recover):
-            self._settle()
+            self._stops.settle()
         elif order is not None:
             self._carry_out(order)
         else:
@@ -178,12 +167,12 @@ class Station:
         if self.state.controls and self._may_be_on():
             if self.state.may_move or lathe.stop.reason is not None:
                 lathe.stop.stop(reason)
-                self._settle()
+                self._stops.settle()
             lathe.stop.kill(reason)
             if not lathe.stop.given_up:
-                self._settle()
+                self._stops.settle()
                 with suppress(ProblemError):
-                    lathe.put_back()
+                    lathe.program.put_back()
         if not lathe.stop.given_up:  # a machine that is left in doubt stays ours: whoever comes next looks at it
             place.owning.release()
         place.end_record()
@@ -214,9 +203,7 @@ class Station:
 
     def _worked(self, work: Callable[[Workplace, Any], None], order: Intent) -> None:
         work(self._place, order)
-        # What is seen at the chuck belongs to the end of the order, not to a moment on the way.
-        self._sight_s = float("-inf")
-        self._look_at_chuck()
+        self._sight.look_now()
 
     def _look(self) -> None:
         snapshot = self._place.lathe.snapshot()
@@ -242,7 +229,7 @@ class Station:
         try:
             work()
         except StoppedError:
-            self._settle()
+            self._stops.settle()
         except (SessionError, ControllerError, RefusedError) as refused:
             self._refused(refused)
         except ProblemError as error:
@@ -272,186 +259,17 @@ class Station:
         place.lathe.stop.stop(error.problems[0].code)
         for problem in error.problems:
             place.alarm(problem)
-        self._settle(lost=isinstance(error, LinkError))
+        self._stops.settle(lost=isinstance(error, LinkError))
 
     def _told_apart(self, error: ProblemError) -> None:
         """Tell what went wrong on a machine that another console controls: nothing is sent to it for that."""
         place = self._place
         for problem in error.problems:
-            if not self._told(problem.code):
+            if not place.alarmed(problem.code):
                 place.alarm(problem)
-        self._gone = any(problem.code in GONE for problem in error.problems)
+        self._stops.gone = any(problem.code in GONE for problem in error.problems)
         lost = isinstance(error, LinkError)
         place.tell(activity=Activity.LOST if lost else Activity.READY, armed=None)
-
-    def _settle(self, *, lost: bool = False) -> None:
-        """After a stop: wait until the controller proves rest, and say how the machine was left."""
-        place, stop = self._place, self._place.lathe.stop
-        before = place.state.stop
-        if before is not None and before.rest_s is not None and stop.proven:
-            self._guarded_look()
-            return
-        under_way = before is not None and before.rest_s is None
-        told = replace(
-            before or self._begun_stop(),
-            reason=stop.reason or "",
-            killed=stop.killed,
-            sent_s=before.sent_s if before is not None and under_way else place.clock.now_s(),
-            delivered=stop.delivered,
-            taken_s=before.taken_s if before is not None and under_way else None,
-            rest_s=None,
-            tool_in_part=None,
-            can_retract=False,
-        )
-        place.tell(stop=told, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
-        try:
-            snapshot = place.lathe.wait_for_rest()
-        except ProblemError as unproven:
-            self._not_rested(told, unproven)
-        else:
-            self._rested(told, snapshot)
-
-    def _begun_stop(self) -> StopState:
-        """Return what the state tells of a stop that has just come; what it ended stays with it until F2.
-
-        A tool that comes to rest in a part that still turns cuts a circle there, deeper than its path in places.
-        """
-        place, state = self._place, self._place.state
-        if state.standing is Standing.OBSERVER:
-            with suppress(ProblemError):  # whoever controls the machine then knows by whom its cut was ended
-                place.lathe.say_stopped()
-        cut = state.cut if state.activity is Activity.CUTTING else None
-        in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
-        mark_mm = self._behind_face_mm() if in_part else None
-        marks_mm = state.marks_mm if mark_mm is None else (*state.marks_mm, mark_mm)
-        self._noted = None
-        place.tell(stops=state.stops + 1, marks_mm=marks_mm)
-        of_cut = cut is not None and cut.stage in RUNNING
-        return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
-
-    def _behind_face_mm(self) -> float | None:
-        """Return where the tool stands in the clamped part, by the last look; None where that is not known."""
-        place, clamping = self._place, self._place.state.alignment.clamping
-        if place.state.snapshot is None or clamping is None:
-            return None
-        return behind_face_mm(place.state.snapshot, place.loaded_machine.machine, clamping.overhang_mm)
-
-    def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
-        """Nobody can tell how the machine is. A link that is gone stays so; one that is silent is asked again."""
-        place = self._place
-        self._gone = any(problem.code in GONE for problem in unproven.problems)
-        known = {alarm.problem.code for alarm in place.state.alarms}
-        for problem in unproven.problems:
-            if problem.code not in known:
-                place.alarm(problem)
-        self._note_stop(told, proven=False)
-        told = replace(told, killed=place.lathe.stop.killed, delivered=place.lathe.stop.delivered)
-        place.tell(stop=told, activity=Activity.LOST)
-
-    def _rested(self, told: StopState, snapshot: Snapshot) -> None:
-        place = self._place
-        mark_mm = None if told.mark_mm is None else self._behind_face_mm()
-        if mark_mm is not None:
-            place.tell(marks_mm=(*place.state.marks_mm[:-1], mark_mm))
-        self._spindle.forget()  # how it came to rest is no speed that it has
-        rest = replace(
-            place.state.stop or told,
-            mark_mm=mark_mm,
-            killed=place.lathe.stop.killed,
-            delivered=True,
-            rest_s=place.clock.now_s(),
-            tool_in_part=tool_in_part(snapshot, place.loaded_machine.machine, place.state.alignment),
-            can_retract=snapshot.loops_closed,
-        )
-        taken = None if rest.taken_s is None else rest.taken_s - rest.sent_s
-        self._note_stop(told, proven=True, taken_after_s=taken)
-        watch_axes(place, snapshot)
-        place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
-
-    def _guarded_look(self) -> None:
-        """A look at a stopped machine; it stays stopped."""
-        place = self._place
-        try:
-            snapshot = place.lathe.snapshot()
-        except DriverError as error:
-            for problem in error.problems:
-                place.alarm(problem, Priority.HIGH)
-            place.tell(activity=Activity.LOST)
-        else:
-            watch_axes(place, snapshot)
-            place.tell(activity=Activity.STOPPED)
-
-    def _note_stop(self, told: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
-        """Keep a stop in the record once, and later what has become of it: rest that is proven, drives off."""
-        before, killed = self._noted, self._place.lathe.stop.killed
-        self._noted = (proven, killed)
-        if before is None:
-            self._note("stopped", reason=told.reason, proven=proven, killed=killed, taken_after_s=taken_after_s)
-            return
-        was_proven, was_killed = before
-        if killed and not was_killed:
-            self._note("killed", proven=proven)
-        elif proven and not was_proven:
-            self._note("at_rest")
-
-    def _note(self, kind: str, **data: object) -> None:
-        """Keep in the record what happened; a record that cannot take it does not matter now."""
-        try:
-            self._place.note(kind, **data)
-        except SessionError as error:
-            self._place.alarm(error.problems[0], Priority.MEDIUM)
-
-    def _look_at_chuck(self) -> None:
-        place = self._place
-        now_s = place.clock.now_s()
-        period_s = SIGHT_PERIOD_IN_MOTION_S if place.state.activity in MOVING else SIGHT_PERIOD_S
-        if place.shop is None or now_s - self._sight_s < period_s:
-            return
-        self._sight_s = now_s
-        try:
-            view = place.shop.look()
-        except LinkError as error:
-            # Eyes on the chuck are no part of the machine: it is told, and nothing else depends on it.
-            place.tell(seen=None)
-            if not self._told(error.problems[0].code):
-                place.alarm(error.problems[0], Priority.MEDIUM)
-        else:
-            place.tell(seen=view)
-            place.end_alarms("simulator.gone", "simulator.refused")
-            self._tell_collisions(view.collisions)
-
-    def _tell_collisions(self, met: tuple[str, ...]) -> None:
-        """Raise an alarm for each collision once; a new blank has met nothing."""
-        place, known = self._place, self._met
-        self._met = met
-        if known and not met:
-            place.end_alarms(*COLLISION_CODES)
-        fresh = [kind for kind in met if kind not in known]
-        for kind, problem in zip(fresh, collision_problems(fresh), strict=True):
-            place.alarm(problem)
-            self._note("collision", met=kind)
-
-    def _watch_stop(self, snapshot: Snapshot) -> None:
-        """Take note of when the controller first obeys a stop, by a look that was asked for behind it."""
-        stop = self._place.state.stop
-        if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
-            return
-        if snapshot.obeys_stop(killed=self._place.lathe.stop.killed):
-            self._place.tell(stop=replace(stop, taken_s=snapshot.at_s))
-
-    def _told(self, code: str) -> bool:
-        return self._place.alarmed(code)
-
-    def _watch_phase(self) -> None:
-        """Say once for each cut that tool and lobe are not in phase, or that the spindle stands."""
-        cut = self._place.state.cut
-        if cut is None or cut.stage is not CutStage.CUT:
-            return
-        if cut.in_phase is False and not self._told("cut.out_of_phase"):
-            problem = Problem(code="cut.out_of_phase", limit=f"± {cut.phase_limit_deg:.2g} deg")
-            self._place.alarm(problem, Priority.MEDIUM)
-        elif cut.is_lost and cut.in_phase is not False and not self._told("cut.spindle_stands"):
-            self._place.alarm(Problem(code="cut.spindle_stands"))
 
     def _watch_screen(self) -> None:
         place = self._place

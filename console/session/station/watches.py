@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from console.session.cut.alignment import handed_over
-from console.session.station.alarms import HOME_LOST, with_faults
+from console.session.station.alarms import HOME_LOST, Priority, with_faults
+from console.session.station.progress import CutStage
 from console.session.station.state import MOVING
 from console.session.station.workplace import Workplace
 from drivers.lathe.safety import device_problems
@@ -52,6 +53,18 @@ def watch_loss(place: Workplace, snapshot: Snapshot) -> None:
         place.end_alarms("heartbeat.lost")
     elif not place.alarmed("heartbeat.lost"):
         place.alarm(lost_problem(snapshot.lost))
+
+
+def watch_phase(place: Workplace) -> None:
+    """Say once for each cut that tool and lobe are not in phase, or that the spindle stands."""
+    cut = place.state.cut
+    if cut is None or cut.stage is not CutStage.CUT:
+        return
+    if cut.in_phase is False and not place.alarmed("cut.out_of_phase"):
+        problem = Problem(code="cut.out_of_phase", limit=f"± {cut.phase_limit_deg:.2g} deg")
+        place.alarm(problem, Priority.MEDIUM)
+    elif cut.is_lost and cut.in_phase is not False and not place.alarmed("cut.spindle_stands"):
+        place.alarm(Problem(code="cut.spindle_stands"))
 
 
 def _watch_owner(place: Workplace, snapshot: Snapshot) -> None:

@@ -129,6 +129,13 @@ class Workplace:
         if self.record is not None:
             self.record.add(kind, data)
 
+    def note_anyway(self, kind: str, **data: object) -> None:
+        """Add an event where a record that cannot take it does not matter now: it is told as an alarm."""
+        try:
+            self.note(kind, **data)
+        except SessionError as error:
+            self.alarm(error.problems[0], Priority.MEDIUM)
+
     def end_record(self) -> None:
         """The record of this cut is complete; one that was lost since is told."""
         if self.record is not None:

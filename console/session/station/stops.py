@@ -1,0 +1,149 @@
+"""Every stop: shown, waited for until the controller proves rest, and kept in the record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from console.session.station.alarms import Priority
+from console.session.station.jogging import behind_face_mm, tool_in_part
+from console.session.station.progress import RUNNING, CutStage
+from console.session.station.state import Activity, StopState
+from console.session.station.watches import watch_axes
+from console.session.station.workplace import Workplace
+from drivers.errors import DriverError
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
+from drivers.link.base import GONE
+from profiles.problem import ProblemError
+
+
+class Stops:
+    """The stops of one machine. `gone` is whether there is nobody to ask any more."""
+
+    def __init__(self, place: Workplace, forget_speed: Callable[[], None]) -> None:
+        """`forget_speed`: how a spindle came to rest is no speed that it has."""
+        self._place, self._forget_speed = place, forget_speed
+        self.gone = False
+        self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
+
+    def settle(self, *, lost: bool = False) -> None:
+        """After a stop: wait until the controller proves rest, and say how the machine was left."""
+        place, stop = self._place, self._place.lathe.stop
+        before = place.state.stop
+        if before is not None and before.rest_s is not None and stop.proven:
+            self._guarded_look()
+            return
+        under_way = before is not None and before.rest_s is None
+        told = replace(
+            before or self._begun_stop(),
+            reason=stop.reason or "",
+            killed=stop.killed,
+            sent_s=before.sent_s if before is not None and under_way else place.clock.now_s(),
+            delivered=stop.delivered,
+            taken_s=before.taken_s if before is not None and under_way else None,
+            rest_s=None,
+            tool_in_part=None,
+            can_retract=False,
+        )
+        place.tell(stop=told, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
+        try:
+            snapshot = place.lathe.wait_for_rest()
+        except ProblemError as unproven:
+            self._not_rested(told, unproven)
+        else:
+            self._rested(told, snapshot)
+
+    def _begun_stop(self) -> StopState:
+        """Return what the state tells of a stop that has just come; what it ended stays with it until F2.
+
+        A tool that comes to rest in a part that still turns cuts a circle there, deeper than its path in places.
+        """
+        place, state = self._place, self._place.state
+        if state.standing is Standing.OBSERVER:
+            with suppress(ProblemError):  # whoever controls the machine then knows by whom its cut was ended
+                place.lathe.say_stopped()
+        cut = state.cut if state.activity is Activity.CUTTING else None
+        in_part = cut is not None and cut.stage is CutStage.CUT and not cut.in_air
+        mark_mm = self._behind_face_mm() if in_part else None
+        marks_mm = state.marks_mm if mark_mm is None else (*state.marks_mm, mark_mm)
+        self._noted = None
+        place.tell(stops=state.stops + 1, marks_mm=marks_mm)
+        of_cut = cut is not None and cut.stage in RUNNING
+        return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
+
+    def _behind_face_mm(self) -> float | None:
+        """Return where the tool stands in the clamped part, by the last look; None where that is not known."""
+        place, clamping = self._place, self._place.state.alignment.clamping
+        if place.state.snapshot is None or clamping is None:
+            return None
+        return behind_face_mm(place.state.snapshot, place.loaded_machine.machine, clamping.overhang_mm)
+
+    def _not_rested(self, told: StopState, unproven: ProblemError) -> None:
+        """Nobody can tell how the machine is. A link that is gone stays so; one that is silent is asked again."""
+        place = self._place
+        self.gone = any(problem.code in GONE for problem in unproven.problems)
+        known = {alarm.problem.code for alarm in place.state.alarms}
+        for problem in unproven.problems:
+            if problem.code not in known:
+                place.alarm(problem)
+        self._keep(told, proven=False)
+        told = replace(told, killed=place.lathe.stop.killed, delivered=place.lathe.stop.delivered)
+        place.tell(stop=told, activity=Activity.LOST)
+
+    def _rested(self, told: StopState, snapshot: Snapshot) -> None:
+        place = self._place
+        mark_mm = None if told.mark_mm is None else self._behind_face_mm()
+        if mark_mm is not None:
+            place.tell(marks_mm=(*place.state.marks_mm[:-1], mark_mm))
+        self._forget_speed()
+        rest = replace(
+            place.state.stop or told,
+            mark_mm=mark_mm,
+            killed=place.lathe.stop.killed,
+            delivered=True,
+            rest_s=place.clock.now_s(),
+            tool_in_part=tool_in_part(snapshot, place.loaded_machine.machine, place.state.alignment),
+            can_retract=snapshot.loops_closed,
+        )
+        taken = None if rest.taken_s is None else rest.taken_s - rest.sent_s
+        self._keep(told, proven=True, taken_after_s=taken)
+        watch_axes(place, snapshot)
+        place.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
+
+    def _guarded_look(self) -> None:
+        """A look at a stopped machine; it stays stopped."""
+        place = self._place
+        try:
+            snapshot = place.lathe.snapshot()
+        except DriverError as error:
+            for problem in error.problems:
+                place.alarm(problem, Priority.HIGH)
+            place.tell(activity=Activity.LOST)
+        else:
+            watch_axes(place, snapshot)
+            place.tell(activity=Activity.STOPPED)
+
+    def _keep(self, told: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
+        """Keep a stop in the record once, and later what has become of it: rest that is proven, drives off."""
+        before, killed = self._noted, self._place.lathe.stop.killed
+        self._noted = (proven, killed)
+        if before is None:
+            self._place.note_anyway(
+                "stopped", reason=told.reason, proven=proven, killed=killed, taken_after_s=taken_after_s
+            )
+            return
+        was_proven, was_killed = before
+        if killed and not was_killed:
+            self._place.note_anyway("killed", proven=proven)
+        elif proven and not was_proven:
+            self._place.note_anyway("at_rest")
+
+    def watch(self, snapshot: Snapshot) -> None:
+        """Take note of when the controller first obeys a stop, by a look that was asked for behind it."""
+        stop = self._place.state.stop
+        if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
+            return
+        if snapshot.obeys_stop(killed=self._place.lathe.stop.killed):
+            self._place.tell(stop=replace(stop, taken_s=snapshot.at_s))
