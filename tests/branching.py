@@ -60,7 +60,7 @@ def _run(run: Callable[[Callable[[], Any]], Any], asked: int, answered: int) -> 
 
     try:
         try:
-            said = (run(wait), None)
+            said: tuple[Any, str | None] = (run(wait), None)
         except BaseException:
             said = (None, traceback.format_exc())
         _write(answered, said)
