@@ -11,9 +11,12 @@ _PLACES = {
     "cut_error": "lobe.cut_error",
     "cutting": "cutting",
     "envelope": "axis.envelope",
+    "findings": "findings",
     "identification": "axis.identification",
     "job": "job",
     "learning": "compensations.learning",
+    "least_squares": "least_squares",
+    "lobe_fit": "lobe.lobe_fit",
     "machine": "machine",
     "materials": "materials",
     "next_version": "compensations.next_version",
@@ -30,28 +33,7 @@ _PLACES = {
 }
 """Each public name and the module behind it."""
 
-__all__ = [
-    "compensation",
-    "cut_error",
-    "cutting",
-    "envelope",
-    "identification",
-    "job",
-    "learning",
-    "machine",
-    "materials",
-    "next_version",
-    "prediction",
-    "problem",
-    "response",
-    "roundness",
-    "rules",
-    "safe_speed",
-    "servo",
-    "store",
-    "tool_stiffness",
-    "traces",
-]
+__all__ = list(_PLACES)
 
 
 def __getattr__(name: str) -> object:

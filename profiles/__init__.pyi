@@ -1,5 +1,7 @@
 from profiles import cutting as cutting
+from profiles import findings as findings
 from profiles import job as job
+from profiles import least_squares as least_squares
 from profiles import machine as machine
 from profiles import materials as materials
 from profiles import problem as problem
@@ -17,6 +19,7 @@ from profiles.compensations import learning as learning
 from profiles.compensations import next_version as next_version
 from profiles.compensations import path as compensation
 from profiles.lobe import cut_error as cut_error
+from profiles.lobe import lobe_fit as lobe_fit
 from profiles.lobe import prediction as prediction
 
 __all__ = [
@@ -24,9 +27,12 @@ __all__ = [
     "cut_error",
     "cutting",
     "envelope",
+    "findings",
     "identification",
     "job",
     "learning",
+    "least_squares",
+    "lobe_fit",
     "machine",
     "materials",
     "next_version",

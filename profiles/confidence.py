@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 CONFIDENCE = 0.95
 
 
 def student(freedom: float, chance: float = 1.0 - CONFIDENCE) -> float:
     """Return by how many standard errors a half-width reaches out: both tails of t together hold `chance`."""
-    from scipy.special import stdtrit
+    from scipy.special import ndtri, stdtrit
 
-    return float(stdtrit(freedom, 1.0 - 0.5 * chance))
+    below = 1.0 - 0.5 * chance
+    return float(ndtri(below) if math.isinf(freedom) else stdtrit(freedom, below))
 
 
 def chance_of(ratio: float, added: int, freedom: float) -> float:

@@ -8,10 +8,10 @@ from profiles.axis.tool_stiffness import tool_compliance_um_per_n
 from profiles.chucking.held_part import HeldPart
 from profiles.chucking.ring import THIN_WALL
 from profiles.cutting import Copying, CuttingForce, copying, nearest_mode
+from profiles.findings import Finding, Severity
 from profiles.lobe.one_pass import width_without_chatter_mm
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import Finding, Severity
 
 NEAR_BORDER = 0.1
 """Share by which a wall may differ from the border between ring and bar and still be taken for either."""

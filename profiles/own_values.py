@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from datetime import date
 from enum import Enum
 from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from profiles.files import printable
+from profiles.problem import Problem, ProfileError
 
 Record = TypeVar("Record")
 
@@ -101,6 +105,41 @@ def text(value: object) -> str:
     return value
 
 
+def read_own(
+    kind: type[Record],
+    table: object,
+    *,
+    schema: int,
+    code: str,
+    where: str = "",
+    judge: Callable[[Record], None] = lambda _: None,
+) -> Record:
+    """Return what a file of ours holds, read from its JSON; every kind of file is read by this.
+
+    `code` is that of the problem of a file that is no such record. `judge` raises a ValueError for values that no
+    such record has.
+
+    Raises:
+        ProfileError: `schema.unsupported`, another version of the console has written it; `code`.
+    """
+    try:
+        if not isinstance(table, Mapping):
+            raise TypeError(f"{type(table).__name__} in the place of an object")
+        version = table["schema"]
+        if type(version) is not int or version != schema:
+            value = printable(str(version), 60)
+            raise ProfileError(
+                Problem(code="schema.unsupported", where=where, key="schema", value=value, limit=str(schema))
+            )
+        own = {field.name for field in fields(kind)}  # type: ignore[arg-type]
+        found = record(kind, {key: value for key, value in table.items() if key != "schema" or key in own})
+        judge(found)
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        value = printable(" ".join(f"{type(error).__name__}: {error}".split()))
+        raise ProfileError(Problem(code=code, where=where, value=value)) from error
+    return found
+
+
 def record(kind: type[Record], table: Mapping[str, Any]) -> Record:
     """Return a dataclass of plain values, each of the type of its field; a field with a default may be missing.
 
@@ -115,9 +154,13 @@ def record(kind: type[Record], table: Mapping[str, Any]) -> Record:
 
 
 def _typed(hint: Any, value: object) -> Any:
-    """Return a value of a type: a plain one, None beside one, a tuple or a mapping of them, or an enumeration."""
+    """Return a value of a type: plain, None beside one, a tuple, a mapping or a dataclass of them, or a choice."""
+    if hint is Any:
+        return value
     if hint in _PLAIN:
         return _PLAIN[hint](value)
+    if is_dataclass(hint) and isinstance(hint, type) and isinstance(value, Mapping):
+        return record(hint, value)
     origin, inner = get_origin(hint), get_args(hint)
     if origin is UnionType:
         (other,) = (each for each in inner if each is not NoneType)
@@ -138,4 +181,8 @@ def _members(inner: tuple[Any, ...], value: list[Any] | tuple[Any, ...]) -> tupl
     return tuple(_typed(kind, each) for kind, each in zip(kinds, value, strict=True))
 
 
-_PLAIN = {float: number, int: whole, bool: flag, str: text}
+def _day(value: object) -> date:
+    return date.fromisoformat(text(value))
+
+
+_PLAIN: Mapping[Any, Callable[[object], Any]] = {float: number, int: whole, bool: flag, str: text, date: _day}

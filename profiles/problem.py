@@ -1,4 +1,4 @@
-"""Refusals and findings as values. The words for them are the console's; here are the facts."""
+"""Refusals and findings as values: here are the facts, in `profiles.words` the words for them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 class Problem:
     """One fact that stands in the way (or deserves attention), free of any language.
 
-    `code` is stable and names the sentence in the text catalogues (`problem.<code>`). The other fields
+    `code` is stable and names the sentence in `profiles.words` (`problem.<code>`). The other fields
     are already text with units, fit to be put into that sentence: `where` a file, axis or link address,
     `key` the field, variable or quantity, `value` what was met, `limit` what is allowed.
     """
@@ -21,17 +21,30 @@ class Problem:
     value: str = ""
     limit: str = ""
 
-    def __str__(self) -> str:
+    @property
+    def facts(self) -> str:
+        """The code and the facts, for a log."""
         facts = (("", self.where), ("", self.key), ("met ", self.value), ("allowed ", self.limit))
         return " · ".join([self.code, *(f"{label}{text}" for label, text in facts if text)])
 
+    def __str__(self) -> str:
+        """Return the English sentence: what, where, value, limit and remedy."""
+        # Words are read when they are first said: most problems are never told in English.
+        from profiles.words.sentences import english
+
+        return english().problem(self)
+
 
 class ProblemError(Exception):
-    """Raised with every problem that was found, never with the first one only."""
+    """Raised with every problem that was found, never with the first one only; its text is their sentences."""
 
     def __init__(self, *problems: Problem) -> None:
-        super().__init__("; ".join(str(problem) for problem in problems))
+        super().__init__(*problems)
         self.problems: Sequence[Problem] = problems
+        self.add_note("; ".join(problem.facts for problem in problems))
+
+    def __str__(self) -> str:
+        return "; ".join(str(problem) for problem in self.problems)
 
 
 class ProfileError(ProblemError):

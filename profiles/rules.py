@@ -34,9 +34,6 @@ last two need a part that can be held and cut, of a known material.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
-from enum import StrEnum
 
 from profiles.chucking.advice import force_span
 from profiles.chucking.grip import MOST_GRIP_LOSS
@@ -49,6 +46,7 @@ from profiles.chucking.job_grip import (
     needed_grip_n,
 )
 from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
+from profiles.findings import Finding, Severity, refusals
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import any_stated, force_as_found, lobe_differences, lobe_unstated
 from profiles.machine import MachineProfile
@@ -63,22 +61,6 @@ LEAST_WALL_MM = 0.2
 
 SAME_FORCE = 0.005
 """Share by which two chucking forces may differ and still be the same setting of the wrench."""
-
-
-class Severity(StrEnum):
-    """A refusal stops the job, a warning is for the operator's eyes, ok is a rule that holds."""
-
-    REFUSAL = "refusal"
-    WARNING = "warning"
-    OK = "ok"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """The outcome of one rule; the problem carries the numbers also where the rule holds."""
-
-    severity: Severity
-    problem: Problem
 
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -98,11 +80,6 @@ def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         *lobe_as_found(job, machine),
         *_chatter(job, machine, (*of_part, *of_grip)),
     )
-
-
-def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return the findings that stop the job."""
-    return tuple(finding for finding in findings if finding.severity is Severity.REFUSAL)
 
 
 def same_force(one_n: float, other_n: float) -> bool:

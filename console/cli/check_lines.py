@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from console.cli.card_access import Card
+from console.cli.output import MARKS
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
+from profiles.findings import Severity
 from profiles.machine import iron_problems
 
 WIDTH = 80
 
-MARKS = {Outcome.HOLDS: "✓", Outcome.FAILS: "✗", Outcome.WARNED: "!", Outcome.NOTED: "·"}
+_OUTCOMES = {
+    Severity.OK: "holds",
+    Severity.NOTICE: "noted",
+    Severity.WARNING: "warned",
+    Severity.REFUSAL: "fails",
+}
+"""How the JSON of checks names a severity."""
 
 
 def check_lines(checks: Sequence[Check], text: Catalogue) -> list[str]:
@@ -24,7 +32,7 @@ def check_lines(checks: Sequence[Check], text: Catalogue) -> list[str]:
             group = check.group
             lines += ["", text(f"card.group.{group}")]
         first, *others = broken(sentence(check, text), WIDTH - 4)
-        lines.append(f"  {MARKS[check.outcome]} {first}")
+        lines.append(f"  {MARKS[check.severity]} {first}")
         lines += [f"    {line}" for line in others]
     return lines
 
@@ -32,7 +40,7 @@ def check_lines(checks: Sequence[Check], text: Catalogue) -> list[str]:
 def sentence(check: Check, text: Catalogue) -> str:
     """Return what is to be said of a check."""
     key = f"check.{check.code}"
-    if check.outcome is Outcome.HOLDS:
+    if check.severity is Severity.OK:
         key += ".holds"
     subject = _subject(check.subject, text)
     facts = {
@@ -50,14 +58,14 @@ def sentence(check: Check, text: Catalogue) -> str:
 
 
 def summary(checks: Iterable[Check], text: Catalogue) -> str:
-    """Return how many there are of each outcome."""
-    outcomes = [check.outcome for check in checks]
+    """Return how many there are of each severity."""
+    severities = [check.severity for check in checks]
     return text(
         "card.summary",
-        holds=outcomes.count(Outcome.HOLDS),
-        failed=outcomes.count(Outcome.FAILS),
-        warned=outcomes.count(Outcome.WARNED),
-        noted=outcomes.count(Outcome.NOTED),
+        holds=severities.count(Severity.OK),
+        failed=severities.count(Severity.REFUSAL),
+        warned=severities.count(Severity.WARNING),
+        noted=severities.count(Severity.NOTICE),
     )
 
 
@@ -67,7 +75,7 @@ def check_fields(checks: Iterable[Check], text: Catalogue) -> list[dict[str, obj
         {
             "group": check.group.value,
             "code": check.code,
-            "outcome": check.outcome.value,
+            "outcome": _OUTCOMES[check.severity],
             "subject": check.subject,
             "setting": check.setting,
             "variable": check.variable,
@@ -103,7 +111,7 @@ def signature_checks(card: Card) -> list[Check]:
         Check(
             group=Group.SAFETY,
             code=problem.code.partition(".")[2],
-            outcome=Outcome.FAILS,
+            severity=Severity.REFUSAL,
             found=problem.value,
             wanted=problem.limit,
         )

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from console.cli.library import profile_of
 from console.cli.move_table import move_tables
-from console.cli.output import PlainNumber, print_json
+from console.cli.output import MARKS, PlainNumber, print_json
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
 from drivers.errors import DriverError
-from drivers.pmac.analysis.findings import Finding, Level, Sentence, Value
+from drivers.pmac.analysis.findings import ProgramFinding, Sentence, Value
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
 from drivers.pmac.analysis.program import ProgramCheck, check_program
 from drivers.pmac.analysis.start import Source, Start
@@ -21,6 +21,7 @@ from drivers.pmac.analysis.units import unit_of
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.trajectory.linear import Timing
 from profiles.files import printable, read_regular_file
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -37,7 +38,8 @@ _MARKS_OF_ENCODINGS = (
     ("UTF-16", codecs.BOM_UTF16_BE),
 )
 
-_MARKS = {Level.FAULT: "✗", Level.WARNING: "!", Level.NOTICE: "·"}
+_LEVELS = {Severity.REFUSAL: "fault", Severity.WARNING: "warning", Severity.NOTICE: "notice"}
+"""How the JSON of a program names a severity."""
 
 
 def main(options: Namespace, text: Catalogue) -> int:
@@ -48,7 +50,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         print_json(_fields(options, machine, checked, text))
     else:
         print("\n".join(_lines(options, machine, checked, text)))
-    return 1 if checked.worst is Level.FAULT else 0
+    return 1 if checked.worst is Severity.REFUSAL else 0
 
 
 def _checked(options: Namespace, machine: MachineProfile) -> ProgramCheck:
@@ -110,7 +112,7 @@ def _judged(checked: ProgramCheck, text: Catalogue) -> list[str]:
     """Return the findings, then the explanation."""
     lines: list[str] = []
     for finding in checked.findings:
-        lines += _item(f"{_MARKS[finding.level]} ", _finding(finding, text))
+        lines += _item(f"{MARKS[finding.severity]} ", _finding(finding, text))
     if not checked.findings:
         lines += _item("✓ ", text("check.clean"))
     if checked.explanation:
@@ -123,7 +125,7 @@ def _item(mark: str, sentence: str) -> list[str]:
     return [mark + first, *(" " * len(mark) + line for line in others)]
 
 
-def _finding(finding: Finding, text: Catalogue) -> str:
+def _finding(finding: ProgramFinding, text: Catalogue) -> str:
     sentence = text(f"check.finding.{finding.code}", **_shown(finding.values))
     if not finding.lines:
         return sentence
@@ -165,7 +167,7 @@ def _fields(
         "moves": [_move(machine, move, place) for move, place in zip(checked.moves, checked.places, strict=True)],
         "findings": [
             {
-                "level": finding.level.value,
+                "level": _LEVELS[finding.severity],
                 "code": finding.code.value,
                 "lines": list(finding.lines),
                 "values": dict(finding.values),

@@ -17,7 +17,6 @@ from console.text.catalogue import Catalogue
 from drivers.commissioning.applying import apply, refuse_unready
 from drivers.commissioning.backup_reading import CAP_BYTES, read_backup
 from drivers.commissioning.backup_text import backup_text
-from drivers.commissioning.check import Outcome, worst
 from drivers.commissioning.comparison import differences
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import Write, gain_writes
@@ -27,6 +26,7 @@ from drivers.commissioning.verification import in_order, read_of_machine, verify
 from drivers.errors import RefusedError
 from drivers.lathe.ownership import Ownership
 from profiles.files import printable, read_regular_file, write_atomically
+from profiles.findings import Severity, worst
 from profiles.problem import Problem
 
 BACKUP_FOLDER = "backups"
@@ -76,12 +76,12 @@ def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
 def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
     verified = verify(card.client, card.machine, card.dialect).checks
     checks = in_order([*verified, *signature_checks(card)])
-    told = checks if options.json else tuple(c for c in checks if c.outcome is not Outcome.HOLDS)
+    told = checks if options.json else tuple(c for c in checks if c.severity is not Severity.OK)
     if options.json:
         print_json({**identity(card), "checks": check_fields(told, text)})
     else:
         print("\n".join([head(card, text), *check_lines(told, text), "", summary(checks, text)]))
-    return 1 if worst(checks) is Outcome.FAILS else 0
+    return 1 if worst(checks) is Severity.REFUSAL else 0
 
 
 def _diff(options: Namespace, card: Card, text: Catalogue) -> int:

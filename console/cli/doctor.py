@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from contextlib import suppress
 from datetime import date, timedelta
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 from console.cli.card_access import Card, opened_card
@@ -16,7 +17,7 @@ from console.cli.stopping import Stopping
 from console.session.data.stop_records import load, store, withdraw
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
-from drivers.commissioning.check import Check, Group, Outcome, worst
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.bench import names_of, unproven
 from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import VALID_DAYS, StopsNow, record_problems
@@ -26,11 +27,15 @@ from drivers.lathe.ownership import Ownership
 from drivers.lathe.standing import Standing
 from drivers.link.base import StopWay
 from drivers.pmac.checksums import LineCheck
+from profiles.findings import Severity, worst
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
     from drivers.commissioning.proofs.proving import Proven
 
+
+DISTRIBUTION = "trilobe"
+"""The name of this one, and of the command that no other claims."""
 
 STOPS = ("proof_lease", "proof_stop_")
 """The codes of the proofs that a record rests on."""
@@ -45,8 +50,8 @@ def _connection_checks(stop_way: StopWay) -> list[Check]:
     """Return whether stops have the connection that was asked for; nothing where none was."""
     if stop_way is StopWay.DIRECT:
         return []
-    outcome = Outcome.HOLDS if stop_way is StopWay.RESERVED else Outcome.FAILS
-    return [Check(group=Group.STOPS, code="stop_connection", outcome=outcome)]
+    severity = Severity.OK if stop_way is StopWay.RESERVED else Severity.REFUSAL
+    return [Check(group=Group.STOPS, code="stop_connection", severity=severity)]
 
 
 def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
@@ -62,7 +67,7 @@ def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
         Check(
             group=Group.STOPS,
             code="stop_record",
-            outcome=Outcome.HOLDS,
+            severity=Severity.OK,
             found=record.measured_at.isoformat(),
             wanted=until.isoformat(),
             facts={"address": record.address},
@@ -79,7 +84,7 @@ def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> N
     """
     if card.simulated:
         return
-    failed = any(check.outcome is Outcome.FAILS and check.code.startswith(STOPS) for check in proven.checks)
+    failed = any(check.severity is Severity.REFUSAL and check.code.startswith(STOPS) for check in proven.checks)
     if failed or card.stop.way is StopWay.LOST:
         withdraw(data_of(options), card.machine)
         return
@@ -115,7 +120,7 @@ def _warned(problem: Problem) -> Check:
     return Check(
         group=Group.STOPS,
         code=code,
-        outcome=Outcome.WARNED,
+        severity=Severity.WARNING,
         found=problem.value,
         wanted=problem.limit,
         facts={"machine": problem.key},
@@ -133,21 +138,42 @@ def main(options: Namespace, text: Catalogue) -> int:
             verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken its time
         proofs = _proven(options, card, verification, text) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
-    checks = in_order([*verification.checks, _arrival_check(card.client.line_check), *unsigned, *stops, *proofs])
+    checks = in_order(
+        [
+            *verification.checks,
+            _arrival_check(card.client.line_check),
+            *unsigned,
+            *stops,
+            *proofs,
+            *_command_checks(),
+        ]
+    )
     if options.json:
         print_json({**identity(card), "checks": check_fields(checks, text)})
     else:
         lines = [head(card, text), text("card.marks"), *check_lines(checks, text), "", summary(checks, text)]
         print("\n".join(lines))
     refused = options.prove and not moves
-    return 1 if refused or worst(checks) is Outcome.FAILS else 0
+    return 1 if refused or worst(checks) is Severity.REFUSAL else 0
+
+
+def _command_checks() -> list[Check]:
+    """Return a warning for each other distribution whose `console` may stand in the place of ours."""
+    claims = entry_points(group="console_scripts", name="console")
+    others = sorted({claim.dist.name for claim in claims if claim.dist} - {DISTRIBUTION})
+    return [
+        Check(
+            group=Group.SYSTEM, code="command_taken", severity=Severity.WARNING, found=other, wanted=DISTRIBUTION
+        )
+        for other in others
+    ]
 
 
 def _arrival_check(line_check: LineCheck) -> Check:
     """Return who sees that a line that moves something arrives as it was sent."""
     code = "network_checksums" if line_check is LineCheck.NETWORK else "line_checksums"
-    outcome = Outcome.WARNED if line_check is LineCheck.NOBODY else Outcome.HOLDS
-    return Check(group=Group.CARD, code=code, outcome=outcome)
+    severity = Severity.WARNING if line_check is LineCheck.NOBODY else Severity.OK
+    return Check(group=Group.CARD, code=code, severity=severity)
 
 
 def _proven(options: Namespace, card: Card, verification: Verification, text: Catalogue) -> tuple[Check, ...]:

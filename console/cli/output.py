@@ -10,9 +10,9 @@ from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.escaping import encodable, escaped
 from profiles.chucking.diagnosis import Diagnosis
+from profiles.findings import Finding, Severity
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
-from profiles.rules import Finding, Severity
 
 
 def print_json(value: Mapping[str, object]) -> None:
@@ -42,7 +42,7 @@ def roundness_fields(result: RoundnessResult) -> dict[str, object]:
     }
 
 
-MARKS = {Severity.OK: "✓", Severity.WARNING: "!", Severity.REFUSAL: "✗"}
+MARKS = {Severity.OK: "✓", Severity.NOTICE: "·", Severity.WARNING: "!", Severity.REFUSAL: "✗"}
 
 
 def finding_rows(findings: Iterable[Finding], text: Catalogue) -> list[str]:

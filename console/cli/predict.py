@@ -19,11 +19,11 @@ from profiles.chucking.holding import holding_of
 from profiles.chucking.job_grip import wrench_force_sd_n
 from profiles.chucking.ring import is_thin
 from profiles.chucking.wrench import torque_or_none_n_m
+from profiles.findings import refusals
 from profiles.job import Job
 from profiles.lobe.cut_error import CutError
 from profiles.lobe.prediction import Prediction, predict
 from profiles.machine import MachineProfile
-from profiles.rules import refusals
 
 
 def main(options: Namespace, text: Catalogue) -> int:

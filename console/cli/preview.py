@@ -14,8 +14,8 @@ from console.text.catalogue import Catalogue
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
 from drivers.preview.preview import preview
+from profiles.findings import refusals
 from profiles.problem import ProblemError
-from profiles.rules import refusals
 
 
 def main(options: Namespace, text: Catalogue) -> int:

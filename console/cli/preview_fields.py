@@ -15,9 +15,9 @@ from drivers.preview.outlook import grip_share
 from drivers.preview.preview import Preview
 from profiles.axis.envelope import EnvelopeRow, envelope
 from profiles.axis.safe_speed import speed_limits_rpm
+from profiles.findings import Finding, Severity
 from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import ProblemError
-from profiles.rules import Finding, Severity
 
 
 def fields_of(seen: Preview, text: Catalogue) -> dict[str, object]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from console.cli.output import MARKS, finding_rows
 from console.cli.predict import span_words
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -13,9 +14,9 @@ from drivers.preview.preview import Preview, Response
 from profiles.axis.envelope import envelope
 from profiles.axis.response import Source
 from profiles.axis.safe_speed import speed_limits_rpm
+from profiles.findings import Severity
 from profiles.lobe.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError
-from profiles.rules import Severity
 
 
 def reasons(band: Band, source: Source, text: Catalogue) -> list[tuple[str, float | None, str]]:
@@ -31,9 +32,6 @@ def reasons(band: Band, source: Source, text: Catalogue) -> list[tuple[str, floa
         (friction, band.friction_um, words),
         ("band.spindle", band.spindle_um, text("band.spindle", assumed=f"{band.spindle_um:g}")),
     ]
-
-
-_MARKS = {Severity.OK: "✓", Severity.WARNING: "!", Severity.REFUSAL: "✗"}
 
 
 def lines_of(seen: Preview, text: Catalogue) -> list[str]:
@@ -132,13 +130,9 @@ def _loop_row(name: str, response: Response) -> tuple[str, ...]:
 
 
 def _judged(seen: Preview, text: Catalogue) -> list[str]:
-    rows = [
-        (_MARKS[f.severity], text(f"name.{f.problem.code}"), f.problem.value, f.problem.limit)
-        for f in seen.findings
-    ]
-    lines = table(rows)
+    lines = finding_rows(seen.findings, text)
     for name, plan in seen.strategies.items():
-        lines += [f"{_MARKS[severity]}  {name}: {said}" for severity, said in _said(plan, text)]
+        lines += [f"{MARKS[severity]}  {name}: {said}" for severity, said in _said(plan, text)]
     return lines
 
 

@@ -20,15 +20,16 @@ from console.session.station.state import Activity
 from console.text.catalogue import Catalogue
 from console.tui.desk import Desk, View
 from console.tui.driver import StopSent, TooFast, Written
-from console.tui.frame import MARKS, ROWS, Frame, frame_rows, unseen_alarm
+from console.tui.frame import ROWS, Frame, frame_rows, small_rows
 from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
 from console.tui.keymap import LISTS, Action, PageName, help_lines
-from console.tui.lines import Line, Sheet, line, wrapped
+from console.tui.lines import Line, Sheet
 from console.tui.messages import message_lines
 from console.tui.page import Page
 from console.tui.previewing import ChosenPath, Previewer
 from console.tui.scrolled import ScrolledSheet
-from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette, Token
+from console.tui.standing_orders import StandingOrders
+from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
 from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
@@ -43,9 +44,6 @@ SMALLEST_TO_MOVE = (80, 24)
 
 MESSAGES = -1
 """Stands for the messages beside the numbers of the lists of keys."""
-
-TAKE_OVER_WITHIN_S = 5.0
-"""How soon the key that takes a machine over has to be pressed again."""
 
 SETTLED_S = 1.0
 """So long after the last order it is known whether something moves by it: by a look that is no older."""
@@ -114,7 +112,8 @@ class ConsoleApp(App[None]):
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
         self._listed = 0
-        self._asked_over_s = self._acted_s = float("-inf")
+        self._acted_s = float("-inf")
+        self._orders = StandingOrders(self.desk)
         self._held = HeldKeys()
         self._collector_spared = False
         self._previewer = Previewer()
@@ -167,7 +166,7 @@ class ConsoleApp(App[None]):
         view = View(state=state, work=desk.work, now_s=desk.control.now_s())
         page = self._pages[self._page]
         if self._is_small:
-            self._show_small()
+            self._small.show(small_rows(desk.text, state, SMALLEST, max(self.size.width, 1)))
             return
         if not self._reading and page.size.area:  # before the first layout no panel knows its room
             page.fit()
@@ -328,18 +327,6 @@ class ConsoleApp(App[None]):
         if moved:
             self.call_after_refresh(self.tick)
 
-    def _show_small(self) -> None:
-        """The size that is needed; before it what cannot wait for that: a stop that failed, an alarm."""
-        text, state, width = self.desk.text, self.desk.control.state, max(self.size.width, 1)
-        title = text("small.title") if state.simulated else text("small.real")
-        rows = [line((f" {title} ", Token.SIM if state.simulated else Token.STRONG))]
-        if state.stop is not None and not state.stop.delivered:
-            rows += wrapped(f"!!! {text('frame.not_delivered')}", width, Token.ALARM)
-        alarm = unseen_alarm(state)
-        if alarm is not None:
-            rows += wrapped(f"{MARKS[alarm.priority]} {text.problem(alarm.problem)}", width, Token.ALARM)
-        self._small.show([*rows, *wrapped(text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]), width)])
-
     def _took(self, event: events.Key) -> bool:
         """Do what a key asks for; False when it belongs to the field that has the focus."""
         page = self._pages[self._page]
@@ -391,11 +378,11 @@ class ConsoleApp(App[None]):
         elif action.id == "quit":
             self.action_quit()
         elif action.id == "recover":
-            self._post_recover()
+            self._recover()
         elif action.id == "acknowledge":
-            self._post_acknowledge()
+            self._orders.acknowledge(all_of_them=self._listed == MESSAGES)
         elif action.id == "take_over":
-            self._post_take_over()
+            self._orders.take_over()
         else:
             self._show_list(0)
             self._acted_s = self.desk.control.now_s()
@@ -419,38 +406,9 @@ class ConsoleApp(App[None]):
         self._list.begin()
         self.screen.set_class(self._reading, "reading")
 
-    def _post_recover(self) -> None:
-        from console.session.station.intents import Recover  # not needed for the first paint, as below
-
-        state = self.desk.control.state
+    def _recover(self) -> None:
         self._acted_s = self.desk.control.now_s()
-        if state.stop is not None or (state.snapshot is not None and state.snapshot.lost):
-            self.desk.control.post(Recover())
-
-    def _post_take_over(self) -> None:
-        """Take the machine from another console; asked for twice, because somebody works there."""
-        from console.session.station.intents import TakeOver
-
-        desk = self.desk
-        if desk.control.state.controls:
-            desk.said = (Problem(code="screen.controls_already"),)
-        elif desk.control.now_s() - self._asked_over_s > TAKE_OVER_WITHIN_S:
-            self._asked_over_s = desk.control.now_s()
-            code = "screen.take_over_again" if desk.control.state.holder else "screen.take_control_again"
-            desk.said = (Problem(code=code, limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
-        else:
-            self._asked_over_s = float("-inf")
-            desk.control.post(TakeOver())
-
-    def _post_acknowledge(self) -> None:
-        """The operator has seen what is shown: the alarm in the row, or all of them in the list of messages."""
-        from console.session.station.alarms import foremost
-        from console.session.station.intents import Acknowledge
-
-        alarms = self.desk.control.state.alarms
-        front = foremost(alarms)
-        listed = alarms if self._listed == MESSAGES or front is None else (front,)
-        self.desk.control.post(Acknowledge(shown=tuple(alarm.problem for alarm in listed)))
+        self._orders.recover()
 
     def _safely(self, work: Callable[[], None]) -> None:
         """Do what one page does. Its faults are its own: the rows, the stop and the machine go on without it."""

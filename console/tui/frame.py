@@ -248,3 +248,15 @@ def frame_rows(frame: Frame, width: int, height: int) -> dict[str, list[Line]]:
         rows[name] = lines[-1 - spare :] if name == "stop" else clipped(lines, 1 + spare, frame.text("panel.more"))
         spare -= len(rows[name]) - 1
     return rows
+
+
+def small_rows(text: Catalogue, state: StationState, smallest: tuple[int, int], width: int) -> list[Line]:
+    """Return the size that is needed; before it what cannot wait for that: a stop that failed, an alarm."""
+    title = text("small.title") if state.simulated else text("small.real")
+    rows = [line((f" {title} ", Token.SIM if state.simulated else Token.STRONG))]
+    if state.stop is not None and not state.stop.delivered:
+        rows += wrapped(f"!!! {text('frame.not_delivered')}", width, Token.ALARM)
+    alarm = unseen_alarm(state)
+    if alarm is not None:
+        rows += wrapped(f"{MARKS[alarm.priority]} {text.problem(alarm.problem)}", width, Token.ALARM)
+    return [*rows, *wrapped(text("small.say", columns=smallest[0], rows=smallest[1]), width)]

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged
 from drivers.controller import Controller
 from drivers.errors import LinkError
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.status import BitTable, decode
+from profiles.findings import Severity
 from profiles.problem import Problem
 
 STATUS_A_LINE = 8
@@ -87,9 +88,9 @@ def state_checks(state: CardState, judged: Judged) -> list[Check]:
     ]
     enabled = [f"#{number}" for number in state.enabled]
     code = "drives_on" if enabled else "drives_off"
-    checks.append(Check(group=Group.STOPS, code=code, outcome=Outcome.NOTED, found=", ".join(enabled)))
+    checks.append(Check(group=Group.STOPS, code=code, severity=Severity.NOTICE, found=", ".join(enabled)))
     if "gathering" in state.card:
-        checks.append(Check(group=Group.PROGRAMS, code="gathering", outcome=Outcome.WARNED))
+        checks.append(Check(group=Group.PROGRAMS, code="gathering", severity=Severity.WARNING))
     return checks
 
 
@@ -102,9 +103,9 @@ def _motor_faults(state: CardState, judged: Judged) -> Iterator[Check]:
 
 def _check(group: Group, code: str, found: Sequence[str], subject: str = "") -> Check:
     """Return a check that holds when nothing was found."""
-    outcome = Outcome.FAILS if found else Outcome.HOLDS
+    severity = Severity.REFUSAL if found else Severity.OK
     return Check(
-        group=group, code=code, outcome=outcome, subject=subject, found=", ".join(found) or "-", wanted="-"
+        group=group, code=code, severity=severity, subject=subject, found=", ".join(found) or "-", wanted="-"
     )
 
 

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
 
-
-class Outcome(StrEnum):
-    """How it stands with what was looked at."""
-
-    HOLDS = auto()
-    NOTED = auto()
-    """Neither right nor wrong: the engineer is to know it."""
-    WARNED = auto()
-    """The machine can work, with less than it should have."""
-    FAILS = auto()
+from profiles.findings import Severity
 
 
 class Group(StrEnum):
@@ -34,7 +25,9 @@ class Group(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """`code` names the sentence. What a sentence can say is `facts`, texts with units that are of no language.
+    """One judged setting. No `Finding`: it belongs to a group, with its setting and effect, also where it holds.
+
+    `code` names the sentence. What a sentence can say is `facts`, texts with units that are of no language.
 
     `setting` is the name of a setting (`drivers.commissioning.setting_names`), `variable` its number such as
     I115, `found` and `wanted` its values with units. `subject` is whose it is: tool, spindle, carriage, or a text
@@ -43,16 +36,10 @@ class Check:
 
     group: Group
     code: str
-    outcome: Outcome
+    severity: Severity
     subject: str = ""
     setting: str = ""
     variable: str = ""
     found: str = ""
     wanted: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
-
-
-def worst(checks: Iterable[Check]) -> Outcome:
-    """Return the worst outcome; nothing looked at holds."""
-    order = list(Outcome)
-    return max((check.outcome for check in checks), key=order.index, default=Outcome.HOLDS)

@@ -7,10 +7,11 @@ from typing import TypeVar
 
 from drivers.commissioning.amounts import amount
 from drivers.commissioning.backup_text import setting_text
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.judged import Judged, same
 from drivers.commissioning.setting_names import named
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 
 _Entry = TypeVar("_Entry")
@@ -30,10 +31,10 @@ def stated_settings(judged: Judged) -> list[Check]:
         factory = found is not None and same(found, judged.dialect.factory.get(index, 0.0))
         code = "factory" if factory else "differs"
         words = amount(wanted, of, judged.machine)
-        checks.append(judged.told(code, Outcome.FAILS, index, wanted=words))
+        checks.append(judged.told(code, Severity.REFUSAL, index, wanted=words))
     checks += [
         Check(
-            group=group, code="settings_hold", outcome=Outcome.HOLDS, subject=subject, facts={"count": str(count)}
+            group=group, code="settings_hold", severity=Severity.OK, subject=subject, facts={"count": str(count)}
         )
         for (group, subject), count in held.items()
     ]
@@ -46,7 +47,7 @@ def differences(before: Configuration, now: Configuration, machine: MachineProfi
         Check(
             group=Group.CARD,
             code="changed",
-            outcome=Outcome.FAILS,
+            severity=Severity.REFUSAL,
             facts={"what_changed": what},
             found=new,
             wanted=old,
@@ -81,7 +82,7 @@ def _settings(before: Configuration, now: Configuration, machine: MachineProfile
         of = named(index, now.dialect)
         wanted = "-" if old is None else amount(old, of, machine)
         typed = "" if old is None else f"I{index}={setting_text(index, old, now.dialect)}"
-        yield judged.told("setting_changed", Outcome.FAILS, index, wanted=wanted, facts={"typed": typed})
+        yield judged.told("setting_changed", Severity.REFUSAL, index, wanted=wanted, facts={"typed": typed})
 
 
 def _axes(configuration: Configuration) -> dict[int, str]:
@@ -97,7 +98,7 @@ def _entries(form: str, group: Group, before: Mapping[int, _Entry], now: Mapping
             yield Check(
                 group=group,
                 code="changed",
-                outcome=Outcome.FAILS,
+                severity=Severity.REFUSAL,
                 facts={"what_changed": what},
                 found=found,
                 wanted=wanted,
@@ -120,7 +121,7 @@ def _buffers(
         yield Check(
             group=Group.PROGRAMS,
             code="changed",
-            outcome=Outcome.FAILS,
+            severity=Severity.REFUSAL,
             facts={"what_changed": f"{kind} {number}:{place + 1}"},
             found=found,
             wanted=wanted,

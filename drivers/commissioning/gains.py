@@ -9,13 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from drivers.commissioning.amounts import digits
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, same
 from drivers.commissioning.setting_names import GAIN_NUMBERS
 from drivers.errors import RefusedError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.language.text import format_constant
 from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
@@ -42,7 +43,7 @@ def gain_checks(judged: Judged) -> list[Check]:
         Check(
             group=Group.TOOL,
             code="profile_gains",
-            outcome=Outcome.FAILS,
+            severity=Severity.REFUSAL,
             subject="tool",
             variable=name,
             found=format_constant(stated[name]),
@@ -122,7 +123,7 @@ def _meaning(gains: PidGains) -> Check:
     return Check(
         group=Group.TOOL,
         code="gains_mean",
-        outcome=Outcome.NOTED,
+        severity=Severity.NOTICE,
         subject="tool",
         facts={
             "kp": f"{digits(gains.kp_v_per_m)} V/m",

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from drivers.commissioning.amounts import amount
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import Configuration, passing_settings
 from drivers.commissioning.setting_names import Named, named
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.settings import named_settings
+from profiles.findings import Severity
 from profiles.machine import Controller, MachineProfile
 
 SAME = 1e-6
@@ -88,7 +89,7 @@ class Judged:
     def told(
         self,
         code: str,
-        outcome: Outcome,
+        severity: Severity,
         index: int,
         *,
         found: float | None = None,
@@ -101,7 +102,7 @@ class Judged:
         return Check(
             group=self.group_of(of),
             code=code,
-            outcome=outcome,
+            severity=severity,
             subject=self.subject_of(of),
             setting=of.name.key,
             variable=f"I{index}",

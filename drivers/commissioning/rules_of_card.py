@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers.commissioning.amounts import digits
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, same
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Scope, Setting
 from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG, LEASE_TIMER
 from drivers.pmac.settings import servo_cycle_ms
+from profiles.findings import Severity
 
 BACKGROUND_PLCS = 0b10
 """Bit of I5: PLC 1 to 31 may run."""
@@ -39,40 +40,40 @@ def card_rules(judged: Judged) -> list[Check]:
 def _family(judged: Judged) -> Check:
     found, wanted = judged.configuration.family, judged.machine.controller.family
     told = f"{judged.configuration.kind}, {judged.configuration.version}"
-    outcome = Outcome.HOLDS if found == wanted else Outcome.FAILS
-    return Check(group=Group.CARD, code="family", outcome=outcome, found=told, wanted=wanted)
+    severity = Severity.OK if found == wanted else Severity.REFUSAL
+    return Check(group=Group.CARD, code="family", severity=severity, found=told, wanted=wanted)
 
 
 def _clocks(judged: Judged) -> Iterator[Check]:
     """The servo period and the real-time interrupt, which all times of programs rest on."""
     cycle_ms, wanted_ms = servo_cycle_ms(judged.value(10) or 0.0), judged.machine.controller.servo_period_ms
-    outcome = Outcome.HOLDS if same(cycle_ms, wanted_ms) else Outcome.FAILS
+    severity = Severity.OK if same(cycle_ms, wanted_ms) else Severity.REFUSAL
     facts = {"period": f"{cycle_ms * 1000.0:.3f} us"}
-    yield judged.told("servo_time", outcome, 10, wanted=f"{wanted_ms * 1000.0:.3f} us", facts=facts)
+    yield judged.told("servo_time", severity, 10, wanted=f"{wanted_ms * 1000.0:.3f} us", facts=facts)
     for number in _SHOWN:
         if judged.value(number) is not None:
-            yield judged.told("shown", Outcome.NOTED, number)
+            yield judged.told("shown", Severity.NOTICE, number)
     watchdog = judged.dialect.watchdog
     if watchdog.number is not None:
         cycles = judged.value(watchdog.number) or float(watchdog.count)
         trip_ms = cycles * cycle_ms
-        outcome = Outcome.HOLDS if trip_ms <= WATCHDOG_MS * 1.01 else Outcome.WARNED
+        severity = Severity.OK if trip_ms <= WATCHDOG_MS * 1.01 else Severity.WARNING
         wanted = f"{WATCHDOG_MS / cycle_ms:.0f}"
         yield judged.told(
-            "watchdog", outcome, watchdog.number, wanted=wanted, facts={"time": f"{digits(trip_ms)} ms"}
+            "watchdog", severity, watchdog.number, wanted=wanted, facts={"time": f"{digits(trip_ms)} ms"}
         )
 
 
 def _permissions(judged: Judged) -> Iterator[Check]:
     plcs = int(judged.value(5) or 0.0) & BACKGROUND_PLCS
-    yield judged.told("plcs", Outcome.HOLDS if plcs else Outcome.WARNED, 5, wanted="2, 3")
+    yield judged.told("plcs", Severity.OK if plcs else Severity.WARNING, 5, wanted="2, 3")
     compensated = judged.value(51) or 0.0
-    yield judged.told("compensation", Outcome.FAILS if compensated else Outcome.HOLDS, 51, wanted="0")
+    yield judged.told("compensation", Severity.REFUSAL if compensated else Severity.OK, 51, wanted="0")
     if judged.value(15):
-        yield judged.told("radians", Outcome.FAILS, 15, wanted="0")
+        yield judged.told("radians", Severity.REFUSAL, 15, wanted="0")
     index = judged.dialect.index(Setting.SEGMENT_MS, 1)
     segmented = judged.value(index) or 0.0
-    yield judged.told("segments", Outcome.FAILS if segmented else Outcome.HOLDS, index, wanted="0 ms")
+    yield judged.told("segments", Severity.REFUSAL if segmented else Severity.OK, index, wanted="0 ms")
 
 
 def _strange_motors(judged: Judged) -> Check:
@@ -81,9 +82,9 @@ def _strange_motors(judged: Judged) -> Check:
     names = [
         f"I{judged.dialect.motor_index(m, 0)}" for m in others if judged.value(judged.dialect.motor_index(m, 0))
     ]
-    outcome = Outcome.FAILS if names else Outcome.HOLDS
+    severity = Severity.REFUSAL if names else Severity.OK
     return Check(
-        group=Group.CARD, code="strange_motors", outcome=outcome, found=", ".join(names) or "0", wanted="0"
+        group=Group.CARD, code="strange_motors", severity=severity, found=", ".join(names) or "0", wanted="0"
     )
 
 
@@ -95,25 +96,25 @@ def _axes(judged: Judged) -> Iterator[Check]:
         is_there, is_wanted = found.get(motor, "0"), wanted.get(motor, "0")
         if motor in elsewhere:
             is_there = f"&{elsewhere[motor].system} {elsewhere[motor].text}"
-        outcome = Outcome.HOLDS if is_there == is_wanted else Outcome.FAILS
+        severity = Severity.OK if is_there == is_wanted else Severity.REFUSAL
         variable = f"#{motor}->"
         yield Check(
-            group=Group.SYSTEM, code="axis", outcome=outcome, variable=variable, found=is_there, wanted=is_wanted
+            group=Group.SYSTEM, code="axis", severity=severity, variable=variable, found=is_there, wanted=is_wanted
         )
 
 
 def _system(judged: Judged) -> Iterator[Check]:
     index = judged.dialect.system_index(1, 92)
     if judged.of_system(92):
-        yield judged.told("blending_off", Outcome.FAILS, index, wanted="0")
+        yield judged.told("blending_off", Severity.REFUSAL, index, wanted="0")
     source = judged.dialect.system_index(1, 93)
     table = judged.dialect.conversion_table
     line = int(judged.of_system(93)) - table.first_address
     led = 0 <= line < table.lines
-    yield judged.told("led_by_master" if led else "own_time", Outcome.FAILS if led else Outcome.HOLDS, source)
+    yield judged.told("led_by_master" if led else "own_time", Severity.REFUSAL if led else Severity.OK, source)
     activation = judged.dialect.system_activation
     if activation is not None:
-        yield judged.told("timers_run", Outcome.HOLDS, activation)
+        yield judged.told("timers_run", Severity.OK, activation)
 
 
 def _conversion(judged: Judged) -> Iterator[Check]:
@@ -129,11 +130,11 @@ def _conversion(judged: Judged) -> Iterator[Check]:
             word, where = (words[line] if line < len(words) else 0), f"Y:${table.first_address + line:X}"
         else:
             word, where = int(judged.value(first + line) or 0.0), f"I{first + line}"
-        outcome = Outcome.HOLDS if word == table.channels[line] else Outcome.WARNED
+        severity = Severity.OK if word == table.channels[line] else Severity.WARNING
         yield Check(
             group=axis.group,
             code="encoder",
-            outcome=outcome,
+            severity=severity,
             subject=axis.name,
             variable=where,
             found=f"${word:X}",
@@ -145,19 +146,19 @@ def _buffers(judged: Judged) -> Iterator[Check]:
     configuration = judged.configuration
     foreign = [f"PLC {number}" for number in sorted(configuration.plcs) if number != HEARTBEAT_PLC]
     foreign += list(configuration.locked)
-    outcome = Outcome.WARNED if foreign else Outcome.HOLDS
-    yield Check(group=Group.PROGRAMS, code="plc_texts", outcome=outcome, found=", ".join(foreign) or "-")
+    severity = Severity.WARNING if foreign else Severity.OK
+    yield Check(group=Group.PROGRAMS, code="plc_texts", severity=severity, found=", ".join(foreign) or "-")
     there = HEARTBEAT_PLC in configuration.plcs
     yield Check(
         group=Group.PROGRAMS,
         code="heartbeat_there" if there else "heartbeat_missing",
-        outcome=Outcome.NOTED,
+        severity=Severity.NOTICE,
         found=f"PLC {HEARTBEAT_PLC}",
     )
     for motor, table in sorted(configuration.tables.items()):
         found = f"{table.definition}, {table.entry_count}, sha256 {table.sha256[:12]}"
         yield Check(
-            group=Group.PROGRAMS, code="table", outcome=Outcome.NOTED, subject=f"motor {motor}", found=found
+            group=Group.PROGRAMS, code="table", severity=Severity.NOTICE, subject=f"motor {motor}", found=found
         )
 
 
@@ -165,10 +166,10 @@ def _pointers(judged: Judged) -> Iterator[Check]:
     """The flag that ends a cut is a plain value, and the lease counts down or is not set up yet."""
     pointers, dialect = judged.configuration.pointers, judged.dialect
     flag = pointers.get(HOLD_FLAG)
-    outcome = Outcome.HOLDS if flag is None else Outcome.FAILS
+    severity = Severity.OK if flag is None else Severity.REFUSAL
     name = f"M{HOLD_FLAG}->"
     yield Check(
-        group=Group.PROGRAMS, code="hold_flag", outcome=outcome, variable=name, found=flag or "*", wanted="*"
+        group=Group.PROGRAMS, code="hold_flag", severity=severity, variable=name, found=flag or "*", wanted="*"
     )
     timer = pointers.get(LEASE_TIMER)
     timers = [f"{space}:${address:X}" for space, address in dialect.timer_words]
@@ -177,7 +178,7 @@ def _pointers(judged: Judged) -> Iterator[Check]:
         yield Check(
             group=Group.PROGRAMS,
             code="lease_timer",
-            outcome=Outcome.WARNED,
+            severity=Severity.WARNING,
             variable=name,
             found=timer,
             wanted=wanted,

@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 
 from drivers.commissioning.amounts import digits, length, speed
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, JudgedAxis
 from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, JogSettings, change_speed
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 
 
@@ -63,7 +64,7 @@ def _overrun(judged: Judged, axis: JudgedAxis) -> Check:
     return Check(
         group=Group.STOPS,
         code="overrun",
-        outcome=Outcome.HOLDS if max(abort.counts, jog.counts) <= limit else Outcome.FAILS,
+        severity=Severity.OK if max(abort.counts, jog.counts) <= limit else Severity.REFUSAL,
         subject=axis.name,
         wanted=f"<= {length(limit, axis.motor, machine)}",
         facts={

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from drivers.commissioning.card_state import CardState, read_state, state_checks
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.comparison import stated_settings
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import gain_checks
@@ -20,6 +20,7 @@ from drivers.errors import DriverError
 from drivers.lathe.safety import FORM, NOT_FITTED, WIRED, inputs_of
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.reserved import HOLD_FLAG, LEASE_TIMER
+from profiles.findings import Severity
 from profiles.machine import MachineProfile, Safety, is_signature
 
 
@@ -35,13 +36,13 @@ def safety_checks(client: Controller, safety: Safety) -> list[Check]:
 def _fitted(safety: Safety) -> Iterator[Check]:
     for device, fitted in safety.devices.items():
         if fitted == WIRED:
-            yield _check("device_wired", Outcome.HOLDS, device)
+            yield _check("device_wired", Severity.OK, device)
         elif fitted == NOT_FITTED and is_signature(safety.signed_by):
-            yield _check("device_signed", Outcome.NOTED, device, safety.signed_by)
+            yield _check("device_signed", Severity.NOTICE, device, safety.signed_by)
         elif fitted == NOT_FITTED:
-            yield _check("device_unsigned", Outcome.FAILS, device)
+            yield _check("device_unsigned", Severity.REFUSAL, device)
         else:
-            yield _check("device_unknown", Outcome.FAILS, device, fitted, f"{WIRED} | {NOT_FITTED}")
+            yield _check("device_unknown", Severity.REFUSAL, device, fitted, f"{WIRED} | {NOT_FITTED}")
 
 
 def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
@@ -49,19 +50,19 @@ def _seen(client: Controller, safety: Safety) -> Iterator[Check]:
         inputs = inputs_of(safety)
     except DriverError as error:
         for problem in error.problems:
-            yield _check("input_unreadable", Outcome.FAILS, "", problem.value, FORM)
+            yield _check("input_unreadable", Severity.REFUSAL, "", problem.value, FORM)
         return
     items = list(dict.fromkeys(each.item for each in inputs))
     found = client.query(*items, again=True) if items else ()
     words = {item: int(number_in(text, client.link.address)) for item, text in zip(items, found, strict=True)}
     for each in inputs:
         good = each.is_good(words[each.item])
-        outcome = Outcome.HOLDS if good else Outcome.FAILS
-        yield _check("input", outcome, each.device, str(words[each.item] >> each.bit & 1), str(each.good))
+        severity = Severity.OK if good else Severity.REFUSAL
+        yield _check("input", severity, each.device, str(words[each.item] >> each.bit & 1), str(each.good))
 
 
-def _check(code: str, outcome: Outcome, device: str, found: str = "", wanted: str = "") -> Check:
-    return Check(group=Group.SAFETY, code=code, outcome=outcome, subject=device, found=found, wanted=wanted)
+def _check(code: str, severity: Severity, device: str, found: str = "", wanted: str = "") -> Check:
+    return Check(group=Group.SAFETY, code=code, severity=severity, subject=device, found=found, wanted=wanted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,19 +111,19 @@ def checks_of(judged: Judged) -> list[Check]:
 
 def _once(stated: list[Check], rules: list[Check]) -> list[Check]:
     """Return all of them, a setting that a rule finds wrong, too, once: in the words of the rule."""
-    wrong = {check.variable: check for check in stated if check.outcome is Outcome.FAILS}
+    wrong = {check.variable: check for check in stated if check.severity is Severity.REFUSAL}
     told = [check for check in rules if _speaks_for(check) and check.variable in wrong]
     names = {check.variable for check in told}
     return [
         *(check for check in stated if check.variable not in names),
         *(check for check in rules if check not in told),
-        *(replace(check, outcome=Outcome.FAILS, wanted=wrong[check.variable].wanted) for check in told),
+        *(replace(check, severity=Severity.REFUSAL, wanted=wrong[check.variable].wanted) for check in told),
     ]
 
 
 def _speaks_for(check: Check) -> bool:
     """Whether the sentence of a rule says all that is to be said of its setting."""
-    return bool(check.wanted) and check.outcome in (Outcome.FAILS, Outcome.WARNED)
+    return bool(check.wanted) and check.severity in (Severity.REFUSAL, Severity.WARNING)
 
 
 def in_order(checks: Iterable[Check]) -> tuple[Check, ...]:

@@ -15,10 +15,10 @@ from drivers.pmac.programs.setup import SERVO
 from drivers.pmac.trajectory.cubics import motion_of
 from profiles.axis.servo import following_error_um
 from profiles.compensations.path import LobedPath
+from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import Finding, Severity
 
 STEADY_FEED = 0.999999
 """Share of the longest feed in a loop from which a move belongs to the steady cut."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from drivers.cutting.plan import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
+from profiles.least_squares import fit, harmonic_columns, harmonic_slice
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -93,12 +94,10 @@ class PathSeen:
         past_mm = (carriage - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
         infeed_um = (tool - plan.setup.surface) * self._machine.tool.count_um
         off_um = infeed_um - wanted.at_um(360.0 * turns, past_mm)
-        terms = [np.ones_like(turns), past_mm]
-        for waves in (wanted.lobes, 2 * wanted.lobes, 3 * wanted.lobes, 1):
-            angle = 2.0 * np.pi * waves * turns
-            terms += [np.cos(angle), np.sin(angle)]
-        left, found = _left(off_um, terms[: max(4, len(turns) // POLLS_A_TERM)])
-        left_um, lobe_um = np.abs(left), float(np.hypot(found[2], found[3]))
+        orders = (wanted.lobes, 2 * wanted.lobes, 3 * wanted.lobes, 1)
+        columns = harmonic_columns(2.0 * np.pi * turns, orders, past_mm)
+        left, found = _left(off_um, columns[:, : max(4, len(turns) // POLLS_A_TERM)])
+        left_um, lobe_um = np.abs(left), float(np.hypot(*found[harmonic_slice(0, trends=1)]))
         most_um = MOST_OF_LOBE * wanted.amplitude_um + LEAST_TOOL_UM
         if plan.strategy.traits.inverts and lobe_um > most_um:
             value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
@@ -115,8 +114,8 @@ class PathSeen:
         """So many turns, so much feed; a spindle that nobody programs may be slower or faster than planned."""
         per_mm = self._machine.carriage.counts_per_mm
         off_mm = (carriage - turns * self._plan.setup.carriage_per_turn) / per_mm
-        terms = [np.ones_like(turns), *([turns] if self._machine.spindle.followed else [])]
-        left_mm = np.abs(_left(off_mm, terms)[0])
+        trends = [turns - turns[0]] if self._machine.spindle.followed else []
+        left_mm = np.abs(_left(off_mm, harmonic_columns(turns, (), *trends))[0])
         limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(left_mm)))
         if left_mm.max() > limit_mm:
             value, limit = f"{left_mm.max():.3f} mm", f"{limit_mm:.3f} mm"
@@ -124,25 +123,17 @@ class PathSeen:
 
     def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
         """It turns evenly, as long as nobody has held the program or gone on elsewhere in it."""
-        off, found = _left(turns, [np.ones_like(turns), at_s - at_s[0]])
-        left, turns_a_second = np.abs(off), abs(float(found[1]))
+        off, (_, slope) = _left(turns, harmonic_columns(turns, (), at_s - at_s[0]))
+        left, turns_a_second = np.abs(off), abs(float(slope))
         limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
         if left.max() > limit:
             value, allowed = f"{left.max():.2f} rev", f"{limit:.2f} rev"
             yield Problem(code="cut.off_path", key=AxisName.SPINDLE, value=value, limit=allowed)
 
 
-def _left(values: Floats, terms: list[Floats]) -> tuple[Floats, Floats]:
-    """Return what a sum of terms leaves of values, fitted so that the few that stand out do not pull at it.
-
-    With what each term has in it.
-    """
-    columns: Floats = np.stack(terms, axis=1)
-    weights: Floats = np.ones_like(values)
-    left: Floats = values
-    found: Floats = np.zeros(len(terms))
-    for _ in range(SWEEPS):
-        found = np.asarray(np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0])
-        left = np.asarray(values - columns @ found)
-        weights = 1.0 / np.sqrt(np.maximum(np.abs(left), 1e-3))
-    return left, found
+def _left(values: Floats, columns: Floats) -> tuple[Floats, Floats]:
+    """Return the residuals and the coefficients of a fit at which the few values that stand out do not pull."""
+    found = fit(columns, values)
+    for _ in range(SWEEPS - 1):
+        found = fit(columns, values, 1.0 / np.sqrt(np.maximum(np.abs(found.residuals), 1e-3)))
+    return found.residuals, found.coefficients

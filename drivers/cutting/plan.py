@@ -10,7 +10,7 @@ from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import CutSetup
 from profiles.compensations.path import LobedPath
-from profiles.rules import Finding
+from profiles.findings import Finding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

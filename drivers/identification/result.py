@@ -9,8 +9,7 @@ from typing import Any
 
 from drivers.cutting.strategy import Strategy
 from profiles.axis.response import ServoResponse, identified_response
-from profiles.own_values import positive, record, text, whole
-from profiles.problem import Problem, ProfileError
+from profiles.own_values import positive, read_own
 
 SCHEMA = 1
 
@@ -74,25 +73,18 @@ def from_table(table: Any, where: str = "") -> IdentifiedResponse:
     """Read what `as_table` has made.
 
     Raises:
-        ProfileError: `identify.file`, anything else.
+        ProfileError: `schema.unsupported`; `identify.file`, anything else.
     """
-    try:
-        if table["schema"] != SCHEMA:
-            raise ValueError(f"schema {table['schema']}")
-        origin = record(Origin, table["origin"])
-        positive(origin.servo_period_ms)
-        identified = IdentifiedResponse(
-            origin=origin,
-            path=Strategy(table["path"]),
-            how=_how(table["how"]),
-            delay_cycles=whole(table["delay_cycles"]),
-            date=text(table["date"]),
-            points=tuple(_point(each) for each in table["points"]),
-        )
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        value = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ProfileError(Problem(code="identify.file", where=where, value=value)) from error
-    return identified
+    return read_own(IdentifiedResponse, table, schema=SCHEMA, code="identify.file", where=where, judge=_judge)
+
+
+def _judge(identified: IdentifiedResponse) -> None:
+    """Refuse what nothing measures; gain, frequency and order of points are judged with the curve through them."""
+    if identified.how not in (MEASURED, COMPOSED):
+        raise ValueError(f"how {identified.how!r}")
+    positive(identified.origin.servo_period_ms)
+    for point in identified.points:
+        positive(point.amplitude_um)
 
 
 def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
@@ -111,16 +103,3 @@ def as_response(identified: IdentifiedResponse, name: str) -> ServoResponse:
         amplitude_um=fmean(point.amplitude_um for point in points) if points else 0.0,
         name=name,
     )
-
-
-def _how(word: object) -> str:
-    if word not in (MEASURED, COMPOSED):
-        raise ValueError(f"how {word!r}")
-    return text(word)
-
-
-def _point(table: Mapping[str, Any]) -> IdentifiedPoint:
-    """Read a point; gain, frequency and the order of the points are judged with the curve through them."""
-    point = record(IdentifiedPoint, table)
-    positive(point.amplitude_um)
-    return point

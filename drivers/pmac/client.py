@@ -1,8 +1,8 @@
 """The host's side of a PMAC: one request in flight, replies matched by framing and by their number of lines.
 
-Nothing that moves or writes is ever sent twice. When its reply does not come, its outcome is unknown, and
-`read_back` finds it out. Only what asks may be asked `again`. After any fault of the link the next line waits
-until link and card are proven to be in step.
+Nothing that moves or writes is ever sent twice. When its reply does not come, the error says that its outcome is
+unknown: who has sent it reads the machine. Only what asks may be asked `again`. After any fault of the link the
+next line waits until link and card are proven to be in step.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from enum import StrEnum, auto
 
 from drivers.clock import Clock
 from drivers.controller import REPLY_TIMEOUT_S
@@ -19,12 +18,12 @@ from drivers.link.base import GONE, Link
 from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import Exchange
-from drivers.pmac.foreseen import foresee, number_of, settings_in
+from drivers.pmac.foreseen import foresee, number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.link_faults import LinkFaults
 from profiles.problem import Problem
 
-__all__ = ["LINE_LIMIT", "REPLY_TIMEOUT_S", "Outcome", "PmacClient"]
+__all__ = ["LINE_LIMIT", "REPLY_TIMEOUT_S", "PmacClient"]
 
 LINE_LIMIT = 250
 """Characters of one command line; the card's own limit is 255."""
@@ -38,14 +37,6 @@ REFUSALS = frozenset((0, *ErrorCode))
 """The error numbers that there are words for."""
 
 _VERSION = re.compile(r"\d+\.\d+")
-
-
-class Outcome(StrEnum):
-    """What became of a line that sets variables."""
-
-    DONE = auto()
-    NOT_DONE = auto()
-    PARTLY_DONE = auto()
 
 
 class PmacClient:
@@ -247,23 +238,6 @@ class PmacClient:
             return number_of(answer)
         except ValueError as error:
             raise LinkError(Problem(code="link.out_of_step", where=self.link.address, value=str(error))) from error
-
-    def read_back(self, line: str) -> Outcome:
-        """Find out what became of a line that sets variables to plain numbers, after its reply did not come.
-
-        Raises:
-            RefusedError: `controller.not_settings`, the line does something else; the machine must be looked at.
-            DriverError: the variables cannot be read.
-        """
-        wanted = settings_in(line)
-        if wanted is None:
-            where = self.link.address
-            raise RefusedError(Problem(code="controller.not_settings", where=where, value=line[:40]))
-        found = self.numbers(*wanted, again=True)
-        held = [met == value for met, value in zip(found, wanted.values(), strict=True)]
-        if all(held):
-            return Outcome.DONE
-        return Outcome.PARTLY_DONE if any(held) else Outcome.NOT_DONE
 
     def download(self, lines: Iterable[str]) -> None:
         """Send program lines one by one; the first that is not accepted ends it, with the buffer closed again.

@@ -18,22 +18,11 @@ from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_an
 from drivers.pmac.foreseen import foresee, opens_buffer
 from drivers.pmac.framing import FramingError, Reply, ReplyReader
 from drivers.pmac.link_faults import FaultKind, LinkFaults
+from drivers.pmac.reply_wait import QUIET_S, FaultError, awaited
 from drivers.pmac.reserved import MARKER
 from profiles.problem import Problem
 
 CR, FLUSH = b"\r", b"\x18"
-
-QUIET_S = 0.06
-"""So long nothing comes in the middle of a reply that is on its way."""
-
-SILENCE_S, SLOWEST_BYTES_S = 5.0, 100.0
-"""A long reply may take its time while it comes: so long without a byte, no slower than a line of 1200 baud.
-
-A controller begins to list at once. One that has fallen silent, or that gives a byte now and then, is given up.
-"""
-
-LONGEST_BYTES = 1_000_000
-"""More than any buffer of a controller lists."""
 
 CHECKSUM_TIMEOUT_S = 0.3
 """How long the controller may take to say the checksum of a line; nothing was carried out yet."""
@@ -173,11 +162,11 @@ class Exchange:
             accepted = reply.error_number is None
             # In front of a refusal stands what came before the command that is wrong, which may be anything.
             if accepted and lines is not None and len(reply.lines) != lines:
-                raise _FaultError(FaultKind.LINE_COUNT, str(len(reply.lines)), str(lines))
+                raise FaultError(FaultKind.LINE_COUNT, str(len(reply.lines)), str(lines))
             self._in_flight, self._begun = None, False
             if not accepted:
                 self._prove_refusal(timeout_s)
-        except _FaultError as fault:
+        except FaultError as fault:
             raise self._fault(fault, line, timeout_s) from None
         except LinkError as error:
             raise self._lost(line, error) from error
@@ -316,7 +305,7 @@ class Exchange:
         """Make sure that a refusal was that of the line, and not the error of a command that a program gave.
 
         Raises:
-            _FaultError: it was not, or nothing answers any more.
+            FaultError: it was not, or nothing answers any more.
         """
         if not self._settings or self._was_open:
             return  # in an open buffer the marker would become a line of the program
@@ -324,7 +313,7 @@ class Exchange:
         if reply is not None and reply.error_number is not None and not reply.lines:
             self.in_step = False  # a buffer that somebody else left open refuses the marker, too
         elif not self._is_marked(reply):
-            raise _FaultError(FaultKind.UNASKED, "BEL ERRnnn")
+            raise FaultError(FaultKind.UNASKED, "BEL ERRnnn")
 
     def _marked(self, settings: str, timeout_s: float) -> Reply | None:
         """Write a fresh number and read it back, behind some settings; return the reply, None without one."""
@@ -342,36 +331,13 @@ class Exchange:
         self.link.send(line.encode("ascii") + b"\r")
         try:
             return self._await(max(timeout_s, QUIET_S))
-        except _FaultError:
+        except FaultError:
             return None
 
     def _await(self, timeout_s: float) -> Reply:
-        began_s = last_s = self._clock.now_s()
-        count = 0
-        while True:
-            end_s = began_s + min(timeout_s, SILENCE_S + count / SLOWEST_BYTES_S)
-            deadline = min(end_s, last_s + SILENCE_S)
-            try:
-                reply = self._reader.take()
-            except FramingError as error:
-                raise _FaultError(error.kind, str(error)) from error
-            if reply is not None:
-                self.messages += reply.messages
-                return reply
-            left, presumed = self._left(deadline), self._reader.presumed
-            if presumed is not None:
-                left = min(left, QUIET_S)
-            came = self.link.receive(left) if left > 0.0 else b""
-            if not came and presumed is not None:
-                raise _FaultError(presumed, "BEL" if presumed is FaultKind.BARE_BELL else "LF", "ACK | BEL ERRnnn")
-            if not came and self._left(deadline) <= 0.0:
-                kind = FaultKind.SILENT if self._reader.empty else FaultKind.UNFINISHED
-                raise _FaultError(kind, f"{deadline - began_s:.3g} s")
-            if came:
-                last_s, count = self._clock.now_s(), count + len(came)
-            if count > LONGEST_BYTES:
-                raise _FaultError(FaultKind.GARBLED, f"> {LONGEST_BYTES} bytes")
-            self._reader.feed(came)
+        reply = awaited(self._reader, self.link, self._clock, timeout_s)
+        self.messages += reply.messages
+        return reply
 
     def _unasked(self) -> bool:
         """Whether anything has come that nobody has asked for. Messages of programs are kept, and are none."""
@@ -401,7 +367,7 @@ class Exchange:
         self.faults = self.faults.with_another(FaultKind.LOST, self._clock.now_s(), line)
         return type(error)(*error.problems, *self._outcome(line, FaultKind.LOST))
 
-    def _fault(self, fault: _FaultError, line: str, timeout_s: float) -> LinkError:
+    def _fault(self, fault: FaultError, line: str, timeout_s: float) -> LinkError:
         try:
             self._lose_step(fault.kind, line, timeout_s)
         except LinkError as error:
@@ -418,11 +384,3 @@ class Exchange:
         if foresee(line).reads_only:
             return ()
         return (Problem(code="link.outcome_unknown", where=self.link.address, key=line, value=kind),)
-
-
-class _FaultError(Exception):
-    """Something else than a reply: what kind, what was met (of a silence: how long it was), what is allowed."""
-
-    def __init__(self, kind: FaultKind, met: str = "", allowed: str = "") -> None:
-        super().__init__(kind)
-        self.kind, self.met, self.allowed = kind, met, allowed

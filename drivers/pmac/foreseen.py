@@ -75,7 +75,6 @@ _BETWEEN = re.compile(r"[\s;]*+")
 
 _QUOTED = re.compile(r'"[^"]*"?')
 _BUFFERS = re.compile(r"OPEN(?=\s*[A-Z])|CLOSE|CLS")
-_SETTING = re.compile(rf"\s*([IPQM]\d++)\s*=\s*({_NUMBER})(?=\s|$)")
 
 
 @lru_cache(maxsize=512)
@@ -101,19 +100,6 @@ def opens_buffer(line: str) -> bool | None:
     """Return whether a buffer is open behind a line, None when the line says nothing of that."""
     words = _BUFFERS.findall(_QUOTED.sub("", line.upper()))
     return words[-1] == "OPEN" if words else None
-
-
-def settings_in(line: str) -> dict[str, float] | None:
-    """Return the variables that a line sets to plain numbers, None when it does anything else."""
-    text, place = line.upper().rstrip(), 0
-    found: dict[str, float] = {}
-    while place < len(text):
-        match = _SETTING.match(text, place)
-        if match is None:
-            return None
-        found[match[1]] = number_of(match[2])
-        place = match.end()
-    return found or None
 
 
 def number_of(text: str) -> float:

@@ -46,18 +46,6 @@ class _Part(Enum):
     REFUSED = auto()
 
 
-def take_reply(buffer: bytes) -> tuple[Reply | None, int]:
-    """Return the first complete reply in `buffer` and the number of bytes that it takes (0 while incomplete).
-
-    Raises:
-        FramingError: NUL, a byte that is no text, or text in front of an ACK or behind a BELL that is no reply.
-    """
-    reader = ReplyReader()
-    reader.feed(buffer)
-    reply = reader.take()
-    return reply, 0 if reply is None else len(buffer) - len(reader.rest)
-
-
 class ReplyReader:
     """Bytes in, replies out. `rest` is what has come and is not yet part of a whole line."""
 

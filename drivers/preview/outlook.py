@@ -15,9 +15,10 @@ from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_res
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
 from profiles.compensations.learned import ExpectedPart
 from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, wanted_path
+from profiles.findings import Finding
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.rules import Finding, check
+from profiles.rules import check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

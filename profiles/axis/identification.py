@@ -30,9 +30,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.confidence import student
+from profiles.least_squares import fit, harmonic_columns, harmonic_slice, phasors
 from profiles.problem import Problem, ProfileError
-
-CONFIDENCE = 0.95
 
 MOST_SEGMENTS = 10
 """Segments of a record at most; each has as many whole periods as that needs."""
@@ -68,7 +68,7 @@ class SineFit:
 class FrequencyResponse:
     """The response at one frequency. `reference` is the amplitude of the reference, in its unit.
 
-    `gain_ci` and `phase_ci_deg` are half-widths at `CONFIDENCE`. The phase is in -180 to 180 deg.
+    `gain_ci` and `phase_ci_deg` are half-widths for 95 %. The phase is in -180 to 180 deg.
     """
 
     frequency_hz: float
@@ -98,17 +98,15 @@ def fit_sine(time_s: ArrayLike, values: ArrayLike, frequency_hz: float) -> SineF
         raise ProfileError(Problem(code="identification.too_short", value=f"{len(time)}", limit=limit))
     angle = 2.0 * np.pi * frequency_hz * time
     middle = 0.5 * (time[0] + time[-1])
-    basis = np.stack([np.cos(angle), np.sin(angle), np.ones_like(time), time - middle], axis=1)
-    found = np.linalg.lstsq(basis, samples, rcond=None)[0]
-    left = samples - basis @ found
-    variance = float(left @ left) / (len(time) - PARAMETERS)
-    spread = np.linalg.pinv(basis.T @ basis)
+    found = fit(harmonic_columns(angle, (1,), time - middle), samples)
+    offset, drift_per_s = found.coefficients[:2]
+    sine = harmonic_slice(0, trends=1)
     return SineFit(
-        phasor=complex(found[0], -found[1]),
-        offset=float(found[2]),
-        drift_per_s=float(found[3]),
-        residual=math.sqrt(variance),
-        phasor_variance=variance * 0.5 * float(spread[0, 0] + spread[1, 1]),
+        phasor=phasors(found.coefficients, (1,), trends=1)[1],
+        offset=float(offset),
+        drift_per_s=float(drift_per_s),
+        residual=found.residual_sd,
+        phasor_variance=0.5 * float(np.trace(found.covariance[sine, sine])),
     )
 
 
@@ -188,20 +186,13 @@ def _segments(time: Floats, frequency_hz: float) -> list[slice]:
 def _by_scatter(r: NDArray[np.complex128], y: NDArray[np.complex128], found: complex, energy: float) -> float:
     freedom = 2 * (len(r) - 1)
     variance = float(np.sum(np.abs(y - found * r) ** 2)) / freedom / energy
-    return _student(freedom) * math.sqrt(variance)
+    return student(freedom) * math.sqrt(variance)
 
 
 def _by_residuals(r: NDArray[np.complex128], responses: list[SineFit], energy: float) -> float:
     variances = np.array([fit.phasor_variance for fit in responses])
     variance = float(np.sum(np.abs(r) ** 2 * variances)) / energy**2
-    return _student(math.inf) * math.sqrt(variance)
-
-
-def _student(freedom: float) -> float:
-    from scipy.special import ndtri, stdtrit
-
-    share = 0.5 * (1.0 + CONFIDENCE)
-    return float(ndtri(share) if math.isinf(freedom) else stdtrit(freedom, share))
+    return student(math.inf) * math.sqrt(variance)
 
 
 def _phase_ci_deg(gain: float, gain_ci: float) -> float:

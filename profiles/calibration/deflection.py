@@ -23,6 +23,7 @@ from profiles.calibration.outliers import ROUNDING, outliers
 from profiles.chucking.holding import REFERENCE_FORCE_N
 from profiles.confidence import student
 from profiles.files import printable
+from profiles.least_squares import cofactors
 from profiles.problem import Problem, ProfileError
 
 LEAST_JAWS = 3
@@ -259,7 +260,7 @@ def _solved(model: _Model, measured: Floats, start: Floats, free: int, root_weig
         raise ProfileError(Problem(code="calibration.no_alpha", key="alpha", value=value, limit=limit))
     variance = float(done.fun @ done.fun) / (measured.size - free)
     covariance = np.zeros((3, 3))
-    covariance[:free, :free] = variance * np.linalg.inv(jacobian.T @ jacobian)
+    covariance[:free, :free] = variance * cofactors(jacobian)
     scatter = measured.size * math.log(variance) if variance > 0.0 else -math.inf
     return _Solution(
         at=np.concatenate([done.x, start[free:]]),

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from profiles.confidence import CONFIDENCE, student
+from profiles.least_squares import cofactors
 
 Floats = NDArray[np.float64]
 
@@ -19,9 +20,8 @@ def outliers(design: Floats, left: Floats) -> tuple[int, ...]:
     `design` has shape (M, k), `left` (M,) is what the fit leaves. Each residual is studentised by the fit of the
     others; Student's t with M - k - 1 degrees of freedom, divided among M after Bonferroni.
     """
-    spread = np.linalg.inv(design.T @ design)
     freedom = left.size - design.shape[1] - 1
-    spared = 1.0 - np.einsum("ij,jk,ik->i", design, spread, design)
+    spared = 1.0 - np.einsum("ij,jk,ik->i", design, cofactors(design), design)
     with np.errstate(all="ignore"):  # a measurement that alone decides a parameter leaves 0 of 0
         others = (float(left @ left) - left**2 / spared) / freedom
         limit = student(freedom, (1.0 - CONFIDENCE) / left.size)

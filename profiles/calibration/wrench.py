@@ -22,12 +22,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.calibration.outliers import ROUNDING, outliers
 from profiles.confidence import CONFIDENCE, chance_of, student
+from profiles.least_squares import fit
 from profiles.problem import Problem, ProfileError
 
 LEAST_SPARE = 3
@@ -46,6 +48,14 @@ A choice: with it 95 % of simulated tables hold the truth, whichever way they sc
 Floats = NDArray[np.float64]
 
 
+class Cofactors(NamedTuple):
+    """(X' W X)^-1 of intercept and slope; 0 but for the slope where the line goes through the origin."""
+
+    intercept: float
+    both: float
+    slope: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Band:
     """A value with its 95 % limits."""
@@ -59,10 +69,10 @@ class Band:
 class WrenchFit:
     """F = intercept + slope Tq, N and N m. `intercept_n` and its half-width are 0 for a line through the origin.
 
-    `covariance` is (X' W X)^-1 of (1, Tq), `sd_n` the scatter of one clamping in the middle of what was measured,
-    `freedom` its degrees of freedom, `growing` the share w of its variance that grows with the torque. `as_likely`
-    are the lines of other shares that the measurements do not rule out, each as (w, intercept, slope, sd,
-    covariance): every limit is the widest of all.
+    `covariance` holds the cofactors of (1, Tq), under the name that they have in kept calibrations. `sd_n` is the
+    scatter of one clamping in the middle of what was measured, `freedom` its degrees of freedom, `growing` the
+    share w of its variance that grows with the torque. `as_likely` are the lines of other shares that the
+    measurements do not rule out, each as (w, intercept, slope, sd, cofactors): every limit is the widest of all.
     `lack_of_fit_chance` is how often chance alone misses a true line by so much; None where that cannot be told.
     `outliers` are places in the measurements. It holds from `lowest_n_m` to `highest_n_m`.
     """
@@ -139,10 +149,10 @@ class WrenchFit:
                 intercept_n=intercept_n,
                 slope=slope,
                 sd_n=sd_n,
-                covariance=(u00, u01, u11),
+                cofactors=Cofactors(*cofactors),
                 middle_n_m=self.middle_n_m,
             )
-            for growing, intercept_n, slope, sd_n, u00, u01, u11 in (best, *self.as_likely)
+            for growing, intercept_n, slope, sd_n, *cofactors in (best, *self.as_likely)
         ]
 
     def _refuse_outside(self, torque_n_m: float, key: str) -> None:
@@ -160,7 +170,7 @@ class _Line:
     intercept_n: float
     slope: float
     sd_n: float
-    covariance: tuple[float, float, float]
+    cofactors: Cofactors
     middle_n_m: float
     log_likelihood: float = 0.0
 
@@ -169,24 +179,29 @@ class _Line:
 
     def reach_n(self, torque_n_m: float, freedom: int, *, one: bool = False) -> float:
         """Return the half-width of the line at a torque, or of `one` new clamping there."""
-        u00, u01, u11 = self.covariance
-        variance_ratio = u00 + 2 * u01 * torque_n_m + u11 * torque_n_m**2
+        known = self.cofactors
+        variance_ratio = known.intercept + 2 * known.both * torque_n_m + known.slope * torque_n_m**2
         if one:
             variance_ratio += 1.0 - self.growing + self.growing * (torque_n_m / self.middle_n_m) ** 2
         return student(freedom) * self.sd_n * math.sqrt(variance_ratio)
 
-    def half(self, place: int, freedom: int) -> float:
-        """Return the half-width of the intercept (0) or of the slope (2)."""
-        return student(freedom) * self.sd_n * math.sqrt(self.covariance[place])
+    def slope_half(self, best: _Line, freedom: int) -> float:
+        """Return how far the slope may be from that of the best line."""
+        own = student(freedom) * self.sd_n * math.sqrt(self.cofactors.slope)
+        return abs(self.slope - best.slope) + own
+
+    def intercept_half_n(self, best: _Line, freedom: int) -> float:
+        """Return how far the intercept may be from that of the best line."""
+        own_n = student(freedom) * self.sd_n * math.sqrt(self.cofactors.intercept)
+        return abs(self.intercept_n - best.intercept_n) + own_n
 
     def torques_n_m(self, force_n: float, freedom: int) -> tuple[float, float] | None:
         """Return the torques at which a force leaves the band of one clamping, None where it does not."""
         above_n = force_n - self.intercept_n
-        u00, u01, u11 = self.covariance
         reach = (student(freedom) * self.sd_n) ** 2
-        square = self.slope**2 - reach * (u11 + self.growing / self.middle_n_m**2)
-        linear = self.slope * above_n + reach * u01
-        constant = above_n**2 - reach * (1.0 - self.growing + u00)
+        square = self.slope**2 - reach * (self.cofactors.slope + self.growing / self.middle_n_m**2)
+        linear = self.slope * above_n + reach * self.cofactors.both
+        constant = above_n**2 - reach * (1.0 - self.growing + self.cofactors.intercept)
         if square <= 0:
             return None
         root = math.sqrt(max(linear**2 - square * constant, 0.0))
@@ -205,28 +220,28 @@ def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = Fals
     design = np.stack([np.ones_like(torque), torque], axis=1) if affine else torque[:, None]
     best, *others = _likely_lines(design, torque, force)
     freedom = force.size - design.shape[1]
-    halves = [max(_apart(each, best, place, freedom) for each in (best, *others)) for place in (0, 2)]
-    if best.slope <= halves[1]:
-        raise ProfileError(_no_slope(best.slope, halves[1]))
+    slope_ci = max(line.slope_half(best, freedom) for line in (best, *others))
+    if best.slope <= slope_ci:
+        raise ProfileError(_no_slope(best.slope, slope_ci))
     # On the line to the last digit there is nothing to judge.
     exact = best.sd_n <= ROUNDING * float(force.max())
     root = 1.0 / np.sqrt(_variances(torque, best.growing))
     left = root * (force - best.intercept_n - best.slope * torque)
     return WrenchFit(
         slope_n_per_n_m=best.slope,
-        slope_ci=halves[1],
+        slope_ci=slope_ci,
         intercept_n=best.intercept_n,
-        intercept_ci=halves[0],
+        intercept_ci=max(line.intercept_half_n(best, freedom) for line in (best, *others)),
         sd_n=best.sd_n,
         points=force.size,
         freedom=freedom,
-        covariance=best.covariance,
+        covariance=best.cofactors,
         lowest_n_m=float(torque.min()),
         highest_n_m=float(torque.max()),
         lack_of_fit_chance=None if exact else _lack_of_fit(torque, force, root, left, freedom),
         outliers=() if exact else outliers(root[:, None] * design, left),
         growing=best.growing,
-        as_likely=tuple((e.growing, e.intercept_n, e.slope, e.sd_n, *e.covariance) for e in others),
+        as_likely=tuple((e.growing, e.intercept_n, e.slope, e.sd_n, *e.cofactors) for e in others),
     )
 
 
@@ -244,23 +259,20 @@ def _likely_lines(design: Floats, torque: Floats, force: Floats) -> list[_Line]:
 def _line(design: Floats, torque: Floats, force: Floats, growing: float) -> _Line:
     """Return the weighted least squares of one share, with its restricted likelihood."""
     variances = _variances(torque, growing)
-    normal = design.T @ (design / variances[:, None])
-    spread = np.linalg.inv(normal)
-    beta = spread @ design.T @ (force / variances)
-    left = force - design @ beta
-    freedom = force.size - beta.size
-    variance = float(np.sum(left**2 / variances)) / freedom
-    affine = beta.size > 1
-    own = (spread[0, 0], spread[0, 1], spread[1, 1]) if affine else (0.0, 0.0, spread[0, 0])
-    scatter = freedom * math.log(variance) if variance > 0.0 else -math.inf
+    found = fit(design, force, 1.0 / np.sqrt(variances))
+    *intercept, slope = found.coefficients.tolist()
+    known = found.cofactors.ravel().tolist()
+    own = (known[0], known[1], known[-1]) if intercept else (0.0, 0.0, known[-1])
+    scatter = found.freedom * math.log(found.variance) if found.variance > 0.0 else -math.inf
+    information = float(np.log(variances).sum() - np.linalg.slogdet(found.cofactors)[1])
     return _Line(
         growing=growing,
-        intercept_n=float(beta[0]) if affine else 0.0,
-        slope=float(beta[-1]),
-        sd_n=math.sqrt(variance),
-        covariance=(float(own[0]), float(own[1]), float(own[2])),
+        intercept_n=intercept[0] if intercept else 0.0,
+        slope=slope,
+        sd_n=found.residual_sd,
+        cofactors=Cofactors(*own),
         middle_n_m=_middle(torque),
-        log_likelihood=-0.5 * (scatter + float(np.log(variances).sum() + np.linalg.slogdet(normal)[1])),
+        log_likelihood=-0.5 * (scatter + information),
     )
 
 
@@ -271,12 +283,6 @@ def _variances(torque: Floats, growing: float) -> Floats:
 
 def _middle(torque: Floats) -> float:
     return 0.5 * (float(torque.min()) + float(torque.max()))
-
-
-def _apart(line: _Line, best: _Line, place: int, freedom: int) -> float:
-    """Return how far the intercept (0) or the slope (2) of a line may be from that of the best one."""
-    shift = line.slope - best.slope if place else line.intercept_n - best.intercept_n
-    return abs(shift) + line.half(place, freedom)
 
 
 def _widest(value: float, found: list[tuple[float, float]]) -> Band:
@@ -315,9 +321,8 @@ def _lack_of_fit(torque: Floats, force: Floats, root: Floats, left: Floats, free
     pure_freedom = force.size - levels.size
     if pure_freedom == 0:
         bent = torque / torque.max()
-        parabola = root[:, None] * np.stack([np.ones_like(bent), bent, bent**2], axis=1)
-        beta = np.linalg.lstsq(parabola, root * force, rcond=None)[0]
-        pure, pure_freedom = float(np.sum((root * force - parabola @ beta) ** 2)), force.size - 3
+        parabola = fit(np.stack([np.ones_like(bent), bent, bent**2], axis=1), force, root)
+        pure, pure_freedom = float(np.sum((root * parabola.residuals) ** 2)), parabola.freedom
     else:
         means = np.bincount(member, weights=force) / np.bincount(member)
         pure = float(np.sum((root * (force - means[member])) ** 2))

@@ -6,13 +6,12 @@ Problem codes: `learned.file`; of one that is for something else `learned.job_ch
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from profiles.compensations.path import CutPath, LobedPath, Wave
-from profiles.own_values import number, record, text, whole
-from profiles.problem import Problem, ProfileError
+from profiles.compensations.path import CutPath, Wave
+from profiles.own_values import read_own
+from profiles.problem import Problem
 
 SCHEMA = 1
 
@@ -156,54 +155,16 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
     """Read what `as_table` has made.
 
     Raises:
-        ProfileError: `learned.file`, anything else.
+        ProfileError: `schema.unsupported`; `learned.file`, anything else.
     """
-    try:
-        if table["schema"] != SCHEMA:
-            raise ValueError(f"schema {table['schema']!r}")
-        rest = {key: value for key, value in table.items() if key != "schema"}
-        part, path = rest["part"], rest["path"]
-        rest["holds_for"] = record(HoldsFor, rest["holds_for"])
-        rest["gain"], rest["date"] = number(rest["gain"]), text(rest["date"])
-        if rest.get("expected_ront_um") is not None:
-            rest["expected_ront_um"] = number(rest["expected_ront_um"])
-        rest["path"] = CutPath(wanted=_path(path["wanted"]), command=_path(path["command"]))
-        if part is not None:
-            rest["part"] = _part(part)
-        learned = LearnedCompensation(**rest)
-        numbers = (learned.version, learned.parent, *([] if learned.reverts is None else [learned.reverts]))
-        if min(map(whole, numbers)) < 0 or learned.version < 1 or not 0.0 < learned.gain <= 1.0:
-            raise ValueError(f"version {learned.version}, gain {learned.gain}")
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        value = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ProfileError(Problem(code="learned.file", where=where, value=value)) from error
-    return learned
+    return read_own(LearnedCompensation, table, schema=SCHEMA, code="learned.file", where=where, judge=_judge)
 
 
-def _part(table: Mapping[str, Any]) -> PartRead:
-    waves = {key: _wave(table[key]) for key in ("wanted", "lobe")}
-    version = whole(table["version"])
-    rest = _finite({key: value for key, value in table.items() if key not in (*waves, "version")})
-    return PartRead(version=version, **waves, **rest)  # type: ignore[arg-type]
-
-
-def _path(table: Mapping[str, Any]) -> LobedPath:
-    numbers = {key: value for key, value in table.items() if key not in ("lobes", "overtones")}
-    overtones = tuple(_wave(each) for each in table["overtones"])
-    return LobedPath(lobes=_waves(table), overtones=overtones, **_finite(numbers))
-
-
-def _wave(table: Mapping[str, Any]) -> Wave:
-    return Wave(lobes=_waves(table), **_finite({k: v for k, v in table.items() if k != "lobes"}))
-
-
-def _waves(table: Mapping[str, Any]) -> int:
-    lobes = whole(table["lobes"])
-    if lobes < 1:
-        raise ValueError(f"lobes {lobes}")
-    return lobes
-
-
-def _finite(numbers: Mapping[str, Any]) -> dict[str, float]:
-    """Return them as numbers: a path with anything else must not reach a machine."""
-    return {key: number(value) for key, value in numbers.items()}
+def _judge(learned: LearnedCompensation) -> None:
+    """Refuse a path that must not reach a machine."""
+    if min(learned.version - 1, learned.parent, learned.reverts or 0) < 0 or not 0.0 < learned.gain <= 1.0:
+        raise ValueError(f"version {learned.version}, gain {learned.gain}")
+    part = learned.part
+    waves = [*learned.path.wanted.waves, *learned.path.command.waves, *((part.wanted, part.lobe) if part else ())]
+    if (least := min(wave.lobes for wave in waves)) < 1:
+        raise ValueError(f"lobes {least}")

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.compensations.path import CutPath
+from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.problem import Problem, ProfileError
 
 SIGNIFICANT = 2.45
@@ -66,20 +67,15 @@ def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[i
     unknowns = 1 + 2 * len(orders)
     if values.size <= 2 * unknowns:
         raise ProfileError(Problem(code="learning.few_samples", value=str(values.size), limit=f"> {2 * unknowns}"))
-    waves = np.outer(angle, np.asarray(orders, dtype=np.float64))
-    design = np.hstack((np.ones((values.size, 1)), np.cos(waves), np.sin(waves)))
-    solution, _, _, singular = np.linalg.lstsq(design, values, rcond=None)
-    if singular[-1] < STEADY_SHARE * singular[0]:
+    found = fit(harmonic_columns(angle, orders), values)
+    if found.condition * STEADY_SHARE > 1.0:
         gap = f"{math.degrees(float(np.ptp(angle))):.3g} deg"
         raise ProfileError(Problem(code="learning.few_samples", key="angle_deg", value=gap, limit=">= 360 deg"))
-    rest = values - design @ solution
-    variance = float(rest @ rest) / (values.size - unknowns)
-    cosine, sine = solution[1 : 1 + len(orders)], solution[1 + len(orders) :]
     return HarmonicFit(
-        mean_um=float(solution[0]),
-        coefficients_um={n: complex(p, -q) for n, p, q in zip(orders, cosine, sine, strict=True)},
-        amplitude_sd_um=math.sqrt(2.0 * variance / values.size),
-        rest_rms_um=math.sqrt(variance),
+        mean_um=float(found.coefficients[0]),
+        coefficients_um=phasors(found.coefficients, orders),
+        amplitude_sd_um=math.sqrt(2.0 * found.variance / values.size),
+        rest_rms_um=found.residual_sd,
     )
 
 

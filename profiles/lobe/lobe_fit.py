@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.confidence import CONFIDENCE, student
+from profiles.least_squares import Fit, fit, harmonic_columns, harmonic_slice, huber_distances
 from profiles.metrology.noise_spectrum import NoiseSpectrum, noise_spectrum
 from profiles.problem import Problem, ProfileError
 
@@ -45,9 +46,8 @@ _WORST_CONDITION = 100.0
 
 _HIGHEST_LEFT = 50
 _GAP_TOLERANCE_DEG = 1e-6
-_HUBER = 1.345
-"""Residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise."""
-_HUBER_ROUNDS = 50
+_SETTLED = 1e-6
+"""Change of Huber's weights from one round to the next up to which they are settled."""
 _STRAY = 4.0
 """Residuals in robust standard deviations from which a point is a chip or a scratch: one in 16 000 by chance."""
 _ROUNDING = 1e-12
@@ -147,20 +147,20 @@ def fit_lobe(
     orders = _orders(jaws, extra)
     angle, deviation, root_weight = _checked(angle_deg, deviation_um, sigma_um)
     _refuse_thin(angle, jaws, orders)
-    design = _design(angle, orders)
+    design = harmonic_columns(np.radians(angle), orders)
     kept = np.ones(angle.size, dtype=bool)
     if robust:
         kept = _without_strays(design, deviation, root_weight)
         _refuse_thin(angle[kept], jaws, orders)
     angle, deviation, design, root_weight = angle[kept], deviation[kept], design[kept], root_weight[kept]
-    beta, spread = _solved(design, deviation, root_weight, orders)
-    left = root_weight * (deviation - design @ beta)
-    noise = noise_spectrum(angle, left, orders, beta.size)
+    found = fit(design, deviation, root_weight)
+    if found.condition > _WORST_CONDITION:
+        value = ", ".join(str(n) for n in orders)
+        raise ProfileError(Problem(code="lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}"))
+    beta = found.coefficients
+    noise = noise_spectrum(angle, root_weight * found.residuals, orders, beta.size)
     of_turns = _turns(angle, deviation, design, root_weight)
-    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
-    covariances = {
-        n: [(variance * spread, freedom), *by_turns] for n in orders for variance, freedom in [noise.at(n)]
-    }
+    covariances = _covariances(found, noise, of_turns, orders)
     left_n, left_um, floor_um = _most_left(noise, orders, root_weight)
     return LobeFit(
         jaws=jaws,
@@ -223,40 +223,10 @@ def _refuse_thin(angle: Floats, jaws: int, orders: tuple[int, ...]) -> None:
         )
 
 
-def _design(angle: Floats, orders: tuple[int, ...]) -> Floats:
-    """Return the columns 1, cos n theta, sin n theta, ...; shape (M, 1 + 2 orders)."""
-    theta = np.radians(angle)
-    columns = [np.ones_like(theta)]
-    for n in orders:
-        columns += [np.cos(n * theta), np.sin(n * theta)]
-    return np.stack(columns, axis=1)
-
-
-def _solved(
-    design: Floats, deviation: Floats, root_weight: Floats, orders: tuple[int, ...]
-) -> tuple[Floats, Floats]:
-    """Return beta and (X' W X)^-1; shapes (k,) and (k, k)."""
-    left, sizes, right = np.linalg.svd(design * root_weight[:, None], full_matrices=False)
-    if sizes[-1] * _WORST_CONDITION < sizes[0]:
-        value = ", ".join(str(n) for n in orders)
-        raise ProfileError(Problem(code="lobe_fit.dependent", value=value, limit=f"{_WORST_CONDITION:g}"))
-    beta = right.T @ ((left.T @ (deviation * root_weight)) / sizes)
-    return beta, right.T @ (right / sizes[:, None] ** 2)
-
-
 def _without_strays(design: Floats, deviation: Floats, root_weight: Floats) -> NDArray[np.bool_]:
     """Return which points are the part: the others stand off a fit with Huber's weights."""
     least = _ROUNDING * float(np.abs(deviation).max())
-    huber = np.ones_like(root_weight)
-    for _ in range(_HUBER_ROUNDS):
-        root = root_weight * np.sqrt(huber)
-        beta = np.linalg.lstsq(design * root[:, None], deviation * root, rcond=None)[0]
-        size = np.abs(deviation - design @ beta) * root_weight
-        scale = 1.4826 * float(np.median(size)) + least
-        before, huber = huber, _HUBER * scale / np.maximum(size, _HUBER * scale) if scale else huber
-        if np.abs(huber - before).max() < 1e-6:
-            break
-    return np.asarray(size <= _STRAY * scale)
+    return np.asarray(huber_distances(design, deviation, root_weight, least, _SETTLED) <= _STRAY)
 
 
 def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats) -> list[Floats]:
@@ -265,15 +235,24 @@ def _turns(angle: Floats, deviation: Floats, design: Floats, root_weight: Floats
     found = []
     for number in np.unique(turn):
         own = turn == number
-        rows = design[own] * root_weight[own, None]
-        if own.sum() > design.shape[1] and np.linalg.cond(rows) <= _WORST_CONDITION:
-            found.append(np.linalg.lstsq(rows, deviation[own] * root_weight[own], rcond=None)[0])
+        one = fit(design[own], deviation[own], root_weight[own])
+        if one.freedom > 0 and one.condition <= _WORST_CONDITION:
+            found.append(one.coefficients)
     return found
+
+
+def _covariances(
+    found: Fit, noise: NoiseSpectrum, of_turns: list[Floats], orders: tuple[int, ...]
+) -> dict[int, list[tuple[Floats, float]]]:
+    """Return, by order, the covariances of all coefficients with their degrees of freedom."""
+    by_turns = [(np.cov(of_turns, rowvar=False) / len(of_turns), len(of_turns) - 1.0)] if len(of_turns) > 1 else []
+    at = {n: noise.at(n) for n in orders}
+    return {n: [(variance * found.cofactors, freedom), *by_turns] for n, (variance, freedom) in at.items()}
 
 
 def _wave(n: int, place: int, beta: Floats, covariances: list[tuple[Floats, float]]) -> Wave:
     """Return one wave; its standard errors are the larger ones by any of the covariances (with their freedom)."""
-    both = slice(1 + 2 * place, 3 + 2 * place)
+    both = harmonic_slice(place)
     p, q = (float(part) for part in beta[both])
     amplitude = math.hypot(p, q)
     along = np.array([p, q]) / amplitude if amplitude else np.array([1.0, 0.0])

@@ -19,6 +19,7 @@ from profiles.chucking.advice import ClampingAdvice, clamping_advice
 from profiles.chucking.diagnosis import Mechanism
 from profiles.chucking.job_grip import centrifugal_loss_n
 from profiles.cutting_process import CuttingProcess, cutting_process, process_findings
+from profiles.findings import Finding, Severity, refusals
 from profiles.job import Job
 from profiles.lobe.cut_error import CutError, cut_error, scaled_cut
 from profiles.lobe.held_job import held_part
@@ -27,7 +28,7 @@ from profiles.lobe.lobe_scale import LobeScale, lobe_scale
 from profiles.lobe.one_pass import lobe_change_um
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
-from profiles.rules import IMPOSSIBLE, Finding, Severity, check, refusals
+from profiles.rules import IMPOSSIBLE, check
 
 FloatArray = NDArray[np.float64]
 

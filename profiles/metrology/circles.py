@@ -124,7 +124,7 @@ def least_squares(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[floa
 
 
 def _least_squares(direction: FloatArray, deviation_um: FloatArray) -> tuple[float, float, float]:
-    """By the normal equations, which are well-conditioned for points all around; once more for the last digits."""
+    """By the normal equations, twice: the exchange works on what is left, down to the last digit."""
     design = np.vstack((np.ones(deviation_um.size), direction))
     normal = design @ design.T
     solution = np.linalg.solve(normal, design @ deviation_um)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.metrology.points import FloatArray
 
 HIGHEST_HARMONIC = 15
@@ -35,22 +36,12 @@ class Harmonic:
 def harmonics(angle_deg: FloatArray, profile_um: FloatArray) -> tuple[Harmonic, ...]:
     """Fit n = 1 to 15 together, or fewer where the points cannot tell them apart; return those from 2."""
     for highest in range(min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 2), 1, -1):
-        n = np.arange(1, highest + 1)
-        columns = wave_columns(angle_deg, highest)
-        # Normal equations: with so good a condition they lose no digit that counts, and take a tenth of the time.
-        gram = columns.T @ columns
-        squares = np.linalg.eigvalsh(gram)  # of the singular values
-        if squares[0] * _WORST_CONDITION**2 >= squares[-1]:
-            solution = np.linalg.solve(gram, columns.T @ profile_um)
-            pairs = zip(n[1:], solution[2 : highest + 1], solution[highest + 2 :], strict=True)
-            return tuple(harmonic(int(k), float(cosine), float(sine)) for k, cosine, sine in pairs)
+        orders = range(1, highest + 1)
+        found = fit(harmonic_columns(np.radians(angle_deg), orders), profile_um)
+        if found.condition <= _WORST_CONDITION:
+            waves = phasors(found.coefficients, orders)
+            return tuple(harmonic(n, c.real, -c.imag) for n, c in waves.items() if n > 1)
     return ()
-
-
-def wave_columns(angle_deg: FloatArray, highest: int) -> FloatArray:
-    """Return the columns 1, cos n angle, sin n angle for n = 1 to `highest`; shape (M, 1 + 2 highest)."""
-    waves = np.radians(angle_deg)[:, np.newaxis] * np.arange(1, highest + 1)
-    return np.hstack((np.ones((angle_deg.size, 1)), np.cos(waves), np.sin(waves)))
 
 
 def harmonic(n: int, cosine_um: float, sine_um: float) -> Harmonic:

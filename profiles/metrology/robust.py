@@ -10,16 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from profiles.metrology.harmonics import HIGHEST_HARMONIC, wave_columns
+from profiles.least_squares import harmonic_columns, huber_distances
+from profiles.metrology.harmonics import HIGHEST_HARMONIC
 from profiles.metrology.points import FloatArray
 from profiles.problem import Problem, ProfileError
 
 FAR_SIGMA = 4.5
 """A wave between the fitted ones has its crests at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
 LARGEST_SHARE = 0.1
-_HUBER = 1.345
-_SIGMA_OF_MEDIAN = 1.4826
-_MOST_ROUNDS = 50
 _SETTLED = 1e-3
 # Share of the peak to peak below which a residual is the rounding of the arithmetic.
 _ROUNDING = 1e-9
@@ -32,22 +30,10 @@ def suspects(angle_deg: FloatArray, deviation_um: FloatArray) -> NDArray[np.bool
         ProfileError: `trace.outliers`, they are more than `LARGEST_SHARE` of all: then the part is rough, not
         dirty.
     """
-    columns = wave_columns(angle_deg, min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 4))
+    orders = range(1, min(HIGHEST_HARMONIC, (angle_deg.size - 1) // 4) + 1)
+    columns = harmonic_columns(np.radians(angle_deg), orders)
     least_um = _ROUNDING * float(np.ptp(deviation_um))
-    weights = np.ones_like(deviation_um)
-    distance = np.zeros_like(deviation_um)
-    for _ in range(_MOST_ROUNDS):
-        weighed = columns * weights[:, np.newaxis]
-        solution = np.linalg.lstsq(weighed.T @ columns, weighed.T @ deviation_um, rcond=None)[0]
-        residual = np.abs(deviation_um - columns @ solution)
-        sigma_um = max(_SIGMA_OF_MEDIAN * float(np.median(residual)), least_um)
-        if sigma_um == 0.0:
-            break
-        distance = residual / sigma_um
-        before, weights = weights, _HUBER / np.maximum(distance, _HUBER)
-        if np.abs(weights - before).max() <= _SETTLED:
-            break
-    found = distance > FAR_SIGMA
+    found = huber_distances(columns, deviation_um, np.ones_like(deviation_um), least_um, _SETTLED) > FAR_SIGMA
     if found.mean() > LARGEST_SHARE:
         value, limit = f"{100 * found.mean():.0f} %", f"<= {100 * LARGEST_SHARE:g} %"
         raise ProfileError(Problem(code="trace.outliers", value=value, limit=limit))

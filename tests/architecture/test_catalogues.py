@@ -37,7 +37,8 @@ COMPOSED = (
 def catalogue(language: str) -> dict[str, object]:
     """All entries of a language; a key that stands in two files would hide one of the sentences."""
     entries: dict[str, object] = {}
-    for path in sorted((ROOT / "console" / "text" / language).glob("*.toml")):
+    folders = (ROOT / "console" / "text" / language, ROOT / "profiles" / "words" / language)
+    for path in sorted(path for folder in folders for path in folder.glob("*.toml")):
         fresh = tomllib.loads(path.read_text(encoding="utf-8"))
         assert not entries.keys() & fresh.keys(), path
         entries |= fresh

@@ -11,7 +11,11 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("console", "drivers", "profiles")
 TREES = (*PACKAGES, "tests")
 
-LONGEST_FILE = 500
+LONGEST_FILE = 400
+LONGEST_TEST_FILE = 500
+STILL_LONGER = ("console/cli/parser.py", "console/tui/app.py")
+"""Files that are yet to be split by what they are about."""
+
 LARGEST_MEDIAN = 150
 LONGEST_FUNCTION = 40
 LONGEST_TEST = 60
@@ -45,7 +49,9 @@ def test_the_trees_are_there() -> None:
 
 
 def test_no_file_is_too_long() -> None:
-    assert named([path for path in python_files(*TREES) if line_count(path) > LONGEST_FILE]) == []
+    long = [path for path in python_files(*PACKAGES) if line_count(path) > LONGEST_FILE]
+    long += [path for path in python_files("tests") if line_count(path) > LONGEST_TEST_FILE]
+    assert [name for name in named(long) if name not in STILL_LONGER] == []
 
 
 def test_the_usual_file_is_short() -> None:

@@ -27,10 +27,11 @@ from drivers.simulator.plant.true_parameters import ideal
 from profiles.calibration.contact import bending_um, contact_um
 from profiles.chucking.advice import clamping_advice
 from profiles.confidence import student
+from profiles.findings import Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile, iron_problems
 from profiles.problem import ProfileError
-from profiles.rules import Severity, check, lobe_as_found
+from profiles.rules import check, lobe_as_found
 from profiles.store import BUNDLED_MACHINES, load_job, load_machine
 
 Console = Callable[..., Any]

@@ -81,7 +81,7 @@ def test_a_machine_of_any_name_keeps_to_its_folder(tmp_path: Path, name: str) ->
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"{", b"[]", b"null", b'{"schema": 2}', b'{"schema": 1}', b"\xff", b"[" * 100_000],
+    [b"", b"{", b"[]", b"null", b'{"schema": 1}', b"\xff", b"[" * 100_000],
 )
 def test_a_file_that_is_none_of_ours_is_named(tmp_path: Path, content: bytes) -> None:
     file = store(tmp_path, RESPONSE)

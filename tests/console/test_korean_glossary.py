@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 
 import pytest
 
 import console
+from profiles.words.sentences import entries_in, words_of
 
 GLOSSARY = {
     "lease": ("통신 감시", r"임대|리스"),
@@ -30,8 +30,7 @@ GLOSSARY = {
 
 def sentences() -> dict[str, str]:
     (folder,) = console.__path__
-    files = sorted((Path(folder) / "text" / "ko").glob("*.toml"))
-    return {key: s for file in files for key, s in tomllib.loads(file.read_text(encoding="utf-8")).items()}
+    return {**words_of("ko"), **entries_in(Path(folder) / "text" / "ko")}
 
 
 @pytest.mark.parametrize("thing", GLOSSARY)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 
 import console
+from profiles.words.sentences import entries_in, words_of
 
 HEDGED = re.compile(r"\([은는이가을를으]\)")
 AFTER_A_VALUE = re.compile(r"\} ?(은|는|이|가|을|를|와|과|로|으로)(?![가-힣])")
@@ -14,8 +14,6 @@ AFTER_A_VALUE = re.compile(r"\} ?(은|는|이|가|을|를|와|과|로|으로)(?!
 
 def test_no_particle_hangs_on_a_value() -> None:
     (folder,) = console.__path__
-    files = sorted((Path(folder) / "text" / "ko").glob("*.toml"))
-    assert files
-    sentences = {key: s for file in files for key, s in tomllib.loads(file.read_text(encoding="utf-8")).items()}
+    sentences = {**words_of("ko"), **entries_in(Path(folder) / "text" / "ko")}
     hanging = {k: s for k, s in sentences.items() if HEDGED.search(s) or AFTER_A_VALUE.search(s)}
     assert hanging == {}

@@ -22,9 +22,10 @@ from console.text.catalogue import load
 from console.tui.lines import plain
 from console.tui.pages.run_lines import summary_lines
 from console.tui.pages.setup_lines import speed_lines
+from profiles.findings import Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.rules import Severity, check
+from profiles.rules import check
 from profiles.store import load_job, load_machine
 from tests.tui.page_stage import READY
 

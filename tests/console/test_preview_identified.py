@@ -21,7 +21,8 @@ from drivers.preview.preview import preview
 from drivers.preview.program_prediction import predict
 from profiles.axis.response import ServoResponse, identified_response
 from profiles.axis.servo import sampled_response
-from profiles.rules import check, refusals
+from profiles.findings import refusals
+from profiles.rules import check
 from profiles.store import load_job, load_machine
 
 Console = Callable[..., Any]

@@ -33,7 +33,7 @@ def swinging(mean: Floats, share: float, per_turn: int, turn: float = TURN) -> F
 
 @given(
     st.floats(0.0, 0.05),
-    st.sampled_from(ORDERS.tolist()),
+    st.sampled_from(ORDERS),
     st.integers(40, 240),
     st.integers(0, 1000),
 )

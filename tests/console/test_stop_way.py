@@ -12,10 +12,10 @@ from console.cli.card_access import Card
 from console.cli.doctor import keep_stops, stop_checks
 from console.session.data.stop_records import load
 from console.session.station.intents import Start
-from drivers.commissioning.check import Outcome
 from drivers.commissioning.proofs.proving import Proven
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.link.base import StopWay
+from profiles.findings import Severity
 from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.drivers.commissioned import commissioned
@@ -84,11 +84,11 @@ def test_a_record_is_kept_with_the_way_of_its_stops_and_taken_away_with_a_lost_o
     keep_stops(options, card, proven, TODAY)
     kept = load(tmp_path, MACHINE)
     assert (None if kept is None else kept.stop_way) == (None if way is StopWay.LOST else way)
-    told = {check.code: check.outcome for check in stop_checks(options, card, TODAY)}
+    told = {check.code: check.severity for check in stop_checks(options, card, TODAY)}
     wanted = {
-        StopWay.DIRECT: {"stop_record": Outcome.HOLDS},
-        StopWay.RESERVED: {"stop_connection": Outcome.HOLDS, "stop_record": Outcome.HOLDS},
-        StopWay.LOST: {"stop_connection": Outcome.FAILS, "stops_no_record": Outcome.WARNED},
+        StopWay.DIRECT: {"stop_record": Severity.OK},
+        StopWay.RESERVED: {"stop_connection": Severity.OK, "stop_record": Severity.OK},
+        StopWay.LOST: {"stop_connection": Severity.REFUSAL, "stops_no_record": Severity.WARNING},
     }
     assert told == wanted[way]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.check import Check
 from drivers.commissioning.proofs.bench import ProofBench
 from drivers.commissioning.verification import Verification, verify
 from drivers.lathe.stop import StopPath
@@ -16,6 +16,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from tests.drivers.families import of_family as of_family
 
@@ -104,7 +105,7 @@ class Commissioned:
 
     def findings(self) -> list[Check]:
         """What does not hold, notes apart."""
-        return [check for check in self.verify().checks if check.outcome in (Outcome.WARNED, Outcome.FAILS)]
+        return [check for check in self.verify().checks if check.severity in (Severity.WARNING, Severity.REFUSAL)]
 
 
 def commissioned(machine: MachineProfile, watch: Callable[[SimulatedLathe], None] | None = None) -> Commissioned:

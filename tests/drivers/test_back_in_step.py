@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.link.memory import MemoryLink
-from drivers.pmac.client import REPLY_TIMEOUT_S, Outcome, PmacClient
+from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.link_faults import FaultKind
 from drivers.pmac.reserved import MARKER
@@ -89,27 +89,6 @@ def test_what_writes_or_moves_is_sent_once_and_its_outcome_is_said_to_be_unknown
     answers_are_right(bench)
     assert bench.times_sent(line) == 1
     assert bench.value(1) == (26 if line.startswith("P1") and fault != "hang" else 25)
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_the_outcome_of_a_setting_is_read_back(bench: Recorded, fault: str) -> None:
-    bench.inject(fault, **FAULTS[fault][0])
-    with pytest.raises(LinkError):
-        bench.client.request("P1=26 P2=50")
-    bench.sim.wait(0.3)
-    # A card that hangs reads on behind the flush that came after the line: it was never carried out.
-    wanted = Outcome.PARTLY_DONE if fault == "hang" else Outcome.DONE
-    assert bench.client.read_back("P1=26 P2=50") is wanted
-    assert bench.client.read_back("P1=27 P2=51") is Outcome.NOT_DONE
-    assert bench.times_sent("P1=26 P2=50") == 1
-
-
-@pytest.mark.parametrize("line", ["#1J+", "P1=P2+1", "P1=3 #1J/", "P1"])
-def test_what_is_no_plain_setting_is_not_read_back(bench: Recorded, line: str) -> None:
-    with pytest.raises(RefusedError) as refused:
-        bench.client.read_back(line)
-    assert codes(refused.value) == ["controller.not_settings"]
-    assert bench.line.sent == []
 
 
 @pytest.mark.parametrize("line", ["#1J+", "P1=3", "P1=3 P1", "UUU", "B1R LIST PC"])

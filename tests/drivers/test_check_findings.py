@@ -6,9 +6,10 @@ import math
 
 import pytest
 
-from drivers.pmac.analysis.findings import Code, Finding, Level
+from drivers.pmac.analysis.findings import Code, ProgramFinding
 from drivers.pmac.analysis.folding import fold
 from drivers.pmac.analysis.program import ProgramCheck, check_program
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 
 HEAD = "OPEN PROG 1\nCLEAR\nLINEAR INC\n"
@@ -24,7 +25,7 @@ def checked(
     return check_program(f"{before}{HEAD}{lines}\nCLOSE\n", machine, ta_ms, ts_ms)
 
 
-def only(found: ProgramCheck, code: Code) -> Finding:
+def only(found: ProgramCheck, code: Code) -> ProgramFinding:
     (finding,) = [finding for finding in found.findings if finding.code is code]
     return finding
 
@@ -42,14 +43,14 @@ def zig_zag(turns: int, lobes: int = 3, tm: float = 20) -> str:
 def test_a_clean_program_has_no_finding(machine: MachineProfile) -> None:
     found = checked("TA100 TS20 TM500\nX1000\nDWELL10\nX-1000", machine)
     assert found.findings == ()
-    assert found.worst is None
+    assert found.worst is Severity.OK
     assert found.explanation == ()
 
 
 def test_ix16_stretches_a_move(machine: MachineProfile) -> None:
     """X100000 in 100 ms asks for 1000 counts/ms; I116 is 500."""
     finding = only(checked("TA20 TS0 TM100\nX100000\nX-100000", machine), Code.STRETCHED_BY_VELOCITY)
-    assert (finding.level, finding.values["variable"]) == (Level.WARNING, "I116")
+    assert (finding.severity, finding.values["variable"]) == (Severity.WARNING, "I116")
     assert finding.values["asked_ms"] == 100
     assert finding.values["used_ms"] == pytest.approx(200)
 
@@ -74,7 +75,7 @@ def test_software_limits(machine: MachineProfile) -> None:
     beyond = [finding for finding in found.findings if finding.code is Code.BEYOND_LIMIT]
     assert [(f.values["variable"], f.values["counts"]) for f in beyond] == [("I113", 380_000), ("I114", -20_000)]
     assert [f.lines for f in beyond] == [(5,), (7,)]
-    assert found.worst is Level.FAULT
+    assert found.worst is Severity.REFUSAL
 
 
 def test_the_machine_ends_where_no_software_limit_is(machine: MachineProfile) -> None:
@@ -173,7 +174,7 @@ def test_a_tool_that_is_left_in(machine: MachineProfile) -> None:
 def test_a_run_time_error_is_told_with_its_line(machine: MachineProfile) -> None:
     found = checked("TA10 TS5 TM20\nX100\nP1=1/P2\nX200", machine)
     finding = only(found, Code.RUN_TIME_ERROR)
-    assert (finding.lines, finding.level) == ((6,), Level.FAULT)
+    assert (finding.lines, finding.severity) == ((6,), Severity.REFUSAL)
     assert [move.motors[0].target for move in found.moves] == [100]
 
 
@@ -234,7 +235,7 @@ def test_a_circle_without_segments_is_a_straight_line(machine: MachineProfile) -
     plane = "NORMAL J-1\n"
     straight, arc = (checked(plane + text, machine, before=f"I13={ms}\n") for ms in (0, 10))
     finding = only(straight, Code.CIRCLE_STRAIGHT)
-    assert (finding.level, finding.lines) == (Level.WARNING, (8,))
+    assert (finding.severity, finding.lines) == (Severity.WARNING, (8,))
     assert finding.values == {"moves": 1, "variable": "I13"}
     assert Code.CIRCLE_STRAIGHT not in codes(arc)
     assert straight.moves[0].motors[2].peaks.velocity == 0

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.pmac.analysis.findings import Code, Finding, Level, Said, Value
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Said, Value
 from drivers.pmac.analysis.program import ProgramCheck, check_program
 from drivers.pmac.programs.paper import paper_program
 from drivers.pmac.programs.setup import cut_setup
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.store import load_job
 
@@ -33,7 +34,7 @@ def meant(printed: str) -> str:
     return re.sub(r"P400=[^;]*", "P400=1000/(2*50) ", printed)
 
 
-def of_code(checked: ProgramCheck, code: Code) -> list[Finding]:
+def of_code(checked: ProgramCheck, code: Code) -> list[ProgramFinding]:
     return [finding for finding in checked.findings if finding.code is code]
 
 
@@ -123,7 +124,7 @@ def test_the_last_line_plunges_two_millimetres(printed: str, machine: MachinePro
     (plunge,) = of_code(checked, Code.PLUNGE)
     assert plunge.lines == (27,)
     assert plunge.values == pytest.approx({"counts": 10_000, "mm": 2.0, "deeper_mm": 1.945})
-    assert checked.worst is Level.FAULT
+    assert checked.worst is Severity.REFUSAL
 
 
 def test_the_loop_never_ends_and_the_zig_zag_is_one_sided(meant: str, machine: MachineProfile) -> None:
@@ -152,7 +153,7 @@ def test_a_sixth_of_a_turn_does_not_drift_but_a_whole_number_of_counts_does(
 def test_the_mended_program_has_no_fault(machine: MachineProfile) -> None:
     job = load_job("lee-2001-experiment-1").job
     checked = check_program(paper_program(job, machine, cut_setup(job, machine, 0.0)), machine)
-    assert [finding for finding in checked.findings if finding.level is Level.FAULT] == []
+    assert [finding for finding in checked.findings if finding.severity is Severity.REFUSAL] == []
     assert of_code(checked, Code.ENDLESS_LOOP) == []
     assert of_code(checked, Code.STROKE_LOST)[0].values["made_length"] == pytest.approx(36.667, abs=1e-3)
     assert said(checked, Said.SLOWED_DOWN)["rpm"] == pytest.approx(500)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.pmac.analysis.findings import Code, Level
+from drivers.pmac.analysis.findings import Code
 from drivers.pmac.analysis.program import check_program
 from drivers.pmac.analysis.start import Source, read_start, start_comment
 from drivers.pmac.axes import read_definitions
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 from profiles.store import load_job
@@ -80,5 +81,5 @@ def test_the_programs_of_the_project_have_no_fault_where_they_start(
     counts = {1: plan.tool_start, 2: plan.spindle_start, 3: plan.carriage_start}
     comment = start_comment(read_definitions(machine.controller.axis_definitions), counts)
     checked = check_program(f"{comment}\n{plan.text}", machine)
-    assert [finding for finding in checked.findings if finding.level is Level.FAULT] == []
+    assert [finding for finding in checked.findings if finding.severity is Severity.REFUSAL] == []
     assert Code.ENDS_DEEPER not in {finding.code for finding in checked.findings}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.pmac.analysis.findings import Code, Finding, Level
+from drivers.pmac.analysis.findings import Code, ProgramFinding
 from drivers.pmac.analysis.program import ProgramCheck, check_program
 from drivers.pmac.program_text import read_program
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import wire
 
@@ -33,7 +34,7 @@ def thrown(found: ProgramCheck) -> list[tuple[int, float]]:
     return sorted((f.lines[0], round(float(f.values["counts"]), 6)) for f in findings)
 
 
-def only(found: ProgramCheck, code: Code) -> Finding:
+def only(found: ProgramCheck, code: Code) -> ProgramFinding:
     (finding,) = [finding for finding in found.findings if finding.code is code]
     return finding
 
@@ -54,7 +55,7 @@ def test_a_throw_is_told_in_counts_and_um(machine: MachineProfile) -> None:
     """At rest at a quarter of a turn and Z1000: 800/16 = 50 counts of 0.2 um."""
     found = checked("Y2500 Z1000\nDWELL10\nI51=1\nDWELL10", machine)
     finding = only(found, Code.TABLE_THROWS)
-    assert (finding.level, finding.lines) == (Level.WARNING, (FIRST + 2,))
+    assert (finding.severity, finding.lines) == (Severity.WARNING, (FIRST + 2,))
     assert finding.values == {"motor": 1, "counts": 50, "length": pytest.approx(10), "unit": "um"}
 
 
@@ -147,7 +148,7 @@ def test_the_same_line_is_told_once_with_its_worst(machine: MachineProfile) -> N
 def test_the_last_entry_of_a_cam_is_zero(machine: MachineProfile) -> None:
     found = checked("X100", machine, "#1 DEFINE COMP 4,#2,#1,10000\n0 160 0\n-40\n")
     finding = only(found, Code.TABLE_LAST_ENTRY)
-    assert (finding.level, finding.lines) == (Level.WARNING, (3,))
+    assert (finding.severity, finding.lines) == (Severity.WARNING, (3,))
     assert finding.values["counts"] == -2.5
     assert finding.values["length"] == pytest.approx(-0.5)
 
@@ -170,7 +171,7 @@ def test_tables_are_defined_from_high_to_low(machine: MachineProfile) -> None:
     assert checked("Y100", machine, high + low).findings == ()
     found = checked("Y100", machine, low + high)
     (finding,) = found.findings
-    assert (finding.code, finding.level, finding.lines) == (Code.TABLE_ORDER, Level.FAULT, (3,))
+    assert (finding.code, finding.severity, finding.lines) == (Code.TABLE_ORDER, Severity.REFUSAL, (3,))
     assert (finding.values["motor"], finding.values["lower"]) == (4, "1")
     deleted = f"{low}#1DELETE COMP\n{high}"
     assert checked("Y100", machine, deleted).findings == ()

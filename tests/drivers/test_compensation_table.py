@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from drivers.pmac.compensation.buffers import definition_order, refuse_definition, refuse_deletion
+from drivers.pmac.compensation.buffers import refuse_definition, refuse_deletion
 from drivers.pmac.compensation.table import (
     CompensationTable,
     TableDefinition,
@@ -187,8 +187,7 @@ def test_what_is_sent_is_what_is_read(table: CompensationTable) -> None:
 
 def test_tables_are_defined_from_high_to_low_and_deleted_from_low_to_high() -> None:
     defined: set[int] = set()
-    order = definition_order([2, 5, 1])
-    assert order == [5, 2, 1]
+    order = (5, 2, 1)
     for motor in order:
         refuse_definition(of(motor), defined, (), 100)
         defined.add(motor)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.check import Check
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.proofs.motion import pvt_rounding
 from drivers.commissioning.proofs.proving import prove, servo_rate
@@ -22,6 +22,7 @@ from drivers.pmac.reserved import OWNER
 from drivers.simulator.card.leads import Leads
 from drivers.simulator.card.motor import Motor
 from drivers.simulator.machine import SimulatedLathe
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, Watched, commissioned
@@ -41,7 +42,7 @@ def test_everything_holds_and_the_card_is_as_before(machine: MachineProfile) -> 
     before = read_configuration(card.client, card.dialect, whole_card(card.dialect))
     card.line.heard = b""
     found = proofs(card)
-    assert {code for code, check in found.items() if check.outcome is Outcome.HOLDS} == {
+    assert {code for code, check in found.items() if check.severity is Severity.OK} == {
         f"proof_{name}" for name in names_of(machine)
     }
     assert [line for line in card.lines if LIMITS.match(line) or "SAV" in line] == []
@@ -69,7 +70,7 @@ def test_nothing_is_proven_on_a_card_that_fails(machine: MachineProfile) -> None
     card.line.heard = b""
     checks = prove(card.client, card.stop, card.sim, verification).checks
     assert checks[0].code == "proofs_refused"
-    assert {check.outcome for check in checks[1:]} == {Outcome.NOTED}
+    assert {check.severity for check in checks[1:]} == {Severity.NOTICE}
     assert card.line.heard == b""
 
 
@@ -160,7 +161,7 @@ def test_a_servo_that_runs_at_another_rate_is_found(machine: MachineProfile) -> 
     card.tell("I10=4000000")
     check = servo_rate(card.bench())
     # The iron goes on at 442.7 us; 4000000 / 8388608 ms are 476.8 us.
-    assert (check.outcome, check.wanted) == (Outcome.FAILS, "476.84 us")
+    assert (check.severity, check.wanted) == (Severity.REFUSAL, "476.84 us")
     assert float(check.found.removesuffix(" us")) == pytest.approx(442.7, rel=0.02)
 
 
@@ -177,7 +178,7 @@ def test_a_card_whose_correction_vanishes_with_the_switch_is_found(
 
     monkeypatch.setattr(Leads, "look", forgetful)
     check = compensation_edge(commissioned(machine).bench())
-    assert (check.outcome, check.found) == (Outcome.FAILS, "10, 0, 0")
+    assert (check.severity, check.found) == (Severity.REFUSAL, "10, 0, 0")
 
 
 def test_a_card_on_which_the_zero_of_a_table_is_zero_is_found(
@@ -192,7 +193,7 @@ def test_a_card_on_which_the_zero_of_a_table_is_zero_is_found(
 
     monkeypatch.setattr(Leads, "correct", zeroed)
     check = table_zero(commissioned(machine).bench())
-    assert (check.outcome, check.found, check.wanted) == (Outcome.FAILS, "0", "100")
+    assert (check.severity, check.found, check.wanted) == (Severity.REFUSAL, "0", "100")
 
 
 def test_a_spindle_at_its_zero_cannot_prove_the_roll_over(machine: MachineProfile) -> None:
@@ -212,7 +213,7 @@ def test_pvt_times_of_the_other_kind_are_found(machine: MachineProfile) -> None:
         return  # this family has only the one kind
     card.tell(f"I{card.dialect.segment_time_switch}=1")
     check = pvt_rounding(made)
-    assert (check.outcome, check.wanted) == (Outcome.FAILS, "10.4 ms")
+    assert (check.severity, check.wanted) == (Severity.REFUSAL, "10.4 ms")
 
 
 def test_somebodys_program_is_not_overwritten(machine: MachineProfile) -> None:

@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 
 from drivers.commissioning.card_state import CardState, state_checks
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.stops import after_abort, after_jog_stop
 from drivers.pmac.dialect import Setting
 from drivers.pmac.trajectory.jog import JogSettings
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import Commissioned, commissioned
 from tests.drivers.families import machine as machine  # both families
@@ -27,7 +28,7 @@ def found(card: Commissioned, code: str, variable: str = "") -> Check:
 
 def test_a_fresh_card_of_the_profile_holds(machine: MachineProfile) -> None:
     findings = commissioned(machine).findings()
-    assert {check.outcome for check in findings} <= {Outcome.WARNED}
+    assert {check.severity for check in findings} <= {Severity.WARNING}
     assert {check.code for check in findings} == FRESH[machine.controller.family]
 
 
@@ -71,7 +72,7 @@ def test_what_breaks_a_rule_fails_by_name(
     card = commissioned(machine)
     card.tell(line)
     check = found(card, code, variable)
-    assert (check.outcome, check.variable) == (Outcome.FAILS, variable)
+    assert (check.severity, check.variable) == (Severity.REFUSAL, variable)
     assert (check.found, check.wanted) == (value, wanted)
 
 
@@ -91,10 +92,10 @@ def test_settings_with_another_number_in_each_family(
 def test_blending_and_time_base_of_the_coordinate_system(machine: MachineProfile) -> None:
     card = commissioned(machine)
     card.tell(f"I{card.dialect.system_index(1, 92)}=1")
-    assert found(card, "blending_off").outcome is Outcome.FAILS
+    assert found(card, "blending_off").severity is Severity.REFUSAL
     source = card.dialect.conversion_table.first_address + 9
     card.tell(f"I{card.dialect.system_index(1, 93)}=${source:X}")
-    assert found(card, "led_by_master").outcome is Outcome.FAILS
+    assert found(card, "led_by_master").severity is Severity.REFUSAL
 
 
 def test_kill_mode_switches_and_fault_input_are_told(machine: MachineProfile) -> None:
@@ -123,7 +124,7 @@ def test_background_plcs_must_be_permitted(machine: MachineProfile, value: int, 
     if permitted:
         assert "plcs" not in {check.code for check in card.findings()}
     else:
-        assert (found(card, "plcs").outcome, found(card, "plcs").found) == (Outcome.WARNED, str(value))
+        assert (found(card, "plcs").severity, found(card, "plcs").found) == (Severity.WARNING, str(value))
 
 
 def test_a_profile_that_permits_background_plcs_is_told_once_that_the_card_does_not(
@@ -133,7 +134,7 @@ def test_a_profile_that_permits_background_plcs_is_told_once_that_the_card_does_
     card = commissioned(replace(machine, controller=replace(machine.controller, variables=permitted)))
     card.tell("I5=0")
     (check,) = [each for each in card.findings() if each.variable == "I5"]
-    assert (check.code, check.outcome, check.wanted) == ("plcs", Outcome.FAILS, "2")
+    assert (check.code, check.severity, check.wanted) == ("plcs", Severity.REFUSAL, "2")
 
 
 def test_the_watchdog_of_a_turbo_is_told_in_ms(machine: MachineProfile) -> None:
@@ -195,7 +196,7 @@ def test_a_fault_of_the_card_itself_is_told(machine: MachineProfile) -> None:
     verification = commissioned(machine).verify()
     state = CardState(card=frozenset({"servo_error"}), systems={}, motors={})
     (check,) = [each for each in state_checks(state, verification.judged) if each.code == "card_faults"]
-    assert (check.outcome, check.found) == (Outcome.FAILS, "servo_error")
+    assert (check.severity, check.found) == (Severity.REFUSAL, "servo_error")
 
 
 def test_a_card_at_factory_settings_is_told_what_that_does(machine: MachineProfile) -> None:
@@ -206,7 +207,7 @@ def test_a_card_at_factory_settings_is_told_what_that_does(machine: MachineProfi
     (tool,) = [check for check in card.findings() if check.code == "overrun" and check.subject == "tool"]
     # 32 counts/ms at 0.015625 counts/ms2 is 2.05 s; with the S-curve of 50 ms it is 2.1 s and 6.7 mm.
     assert tool.facts["ramp"] == "6.7136 mm, 2.098 s"
-    assert tool.outcome is Outcome.FAILS
+    assert tool.severity is Severity.REFUSAL
     codes = {check.code for check in card.findings()}
     assert {"factory", "no_limit", "slow_tool", "soft_abort", "too_much_current", "axis"} <= codes
 
@@ -214,7 +215,9 @@ def test_a_card_at_factory_settings_is_told_what_that_does(machine: MachineProfi
 def test_a_setting_that_two_rules_know_is_told_once(machine: MachineProfile) -> None:
     card = commissioned(machine)
     card.factory()
-    failing = [c.variable for c in card.findings() if c.outcome is Outcome.FAILS and c.variable.startswith("I")]
+    failing = [
+        c.variable for c in card.findings() if c.severity is Severity.REFUSAL and c.variable.startswith("I")
+    ]
     assert sorted(failing) == sorted(set(failing))
 
 
@@ -222,7 +225,7 @@ def test_what_the_profile_leaves_open_is_shown(machine: MachineProfile) -> None:
     card = commissioned(machine)
     card.tell("I103=$720", "I171=1000")
     (check,) = [c for c in card.verify().checks if c.code == "not_stated" and c.subject == "tool"]
-    assert check.outcome is Outcome.NOTED
+    assert check.severity is Severity.NOTICE
     assert "I103 = $720" in check.found
     assert "I171 = 1000" in check.found
 

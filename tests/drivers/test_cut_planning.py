@@ -17,8 +17,8 @@ from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_thro
 from drivers.pmac.settings import settings_with
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, Wave, wanted_path
+from profiles.findings import Severity
 from profiles.problem import ProblemError
-from profiles.rules import Severity
 
 if TYPE_CHECKING:
     from profiles.job import Job

@@ -11,8 +11,8 @@ import pytest
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS, PMAC
 from drivers.pmac.programs.timebase import spindle_clock
+from profiles.findings import Severity
 from profiles.problem import ProblemError
-from profiles.rules import Severity
 from tests.drivers.cut_floor import FAMILIES, CutFloor, of_family, short, with_inverter
 
 if TYPE_CHECKING:

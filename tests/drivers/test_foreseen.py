@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.foreseen import Foreseen, foresee, number_of, opens_buffer, settings_in
+from drivers.pmac.foreseen import Foreseen, foresee, number_of, opens_buffer
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
@@ -194,25 +194,6 @@ def test_what_is_called_a_question_changes_nothing_on_the_card_and_has_as_many_l
 )
 def test_whether_a_buffer_is_open_behind_a_line(line: str, opens: bool | None) -> None:
     assert opens_buffer(line) is opens
-
-
-@pytest.mark.parametrize(
-    ("line", "found"),
-    [
-        ("P1=25 I130=$F0", {"P1": 25.0, "I130": 240.0}),
-        ("m26 = -0.5", {"M26": -0.5}),
-        ("P1=P2", None),
-        ("P1=3+4", None),
-        ("P1..3=0", None),
-        ("P1=3 #1J+", None),
-        ("P1", None),
-        ("", None),
-    ],
-)
-def test_the_settings_of_a_line_are_read_only_where_they_are_all_it_does(
-    line: str, found: dict[str, float] | None
-) -> None:
-    assert settings_in(line) == found
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
+from profiles.words.sentences import words_of
 
 FAMILIES = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=lambda dialect: dialect.name)
 ROOT = Path(__file__).parents[2]
@@ -232,7 +232,6 @@ def test_every_refusal_has_a_sentence(language: str) -> None:
         for source in sources
         for part in source.read_text(encoding="utf-8").split('code="heartbeat.')[1:]
     }
-    path = ROOT / "console" / "text" / language / "heartbeat.toml"
-    sentences = tomllib.loads(path.read_text(encoding="utf-8"))
+    sentences = words_of(language)
     assert len(codes) == 13
     assert sorted(code for code in codes if f"problem.heartbeat.{code}" not in sentences) == []

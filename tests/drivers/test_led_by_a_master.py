@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.master.time_base_setup import TimeBaseEntry
-from drivers.pmac.master.time_base_source import Trigger, scale_factor
+from drivers.pmac.master.time_base_source import Trigger, nearest_factor
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Recorder
 from tests.drivers.wire_card import Wire, wire
@@ -62,7 +62,7 @@ def time_base(card: Wire, trigger: Trigger | None = None) -> None:
     source = place.encoder if trigger is None else place.channel
     pmac2 = trigger is not None and dialect is TURBO
     entry = TimeBaseEntry(
-        line=place.line, source=source, factor=scale_factor(RTIF), trigger=trigger, pmac2_encoder=pmac2
+        line=place.line, source=source, factor=nearest_factor(RTIF), trigger=trigger, pmac2_encoder=pmac2
     )
     card.tell(*entry.commands(dialect))
 

@@ -82,7 +82,7 @@ def test_a_watching_plc_does_nothing_when_i5_forbids_it(card: Wire, i5: int) -> 
     run_for(card, 10 * PATIENCE)
     assert card.card.motors[1].velocity == pytest.approx(JOG_SPEED)
     assert values(card, "P101 P102 P103") == [0, 0, 0]
-    assert card.card.plc_enabled == {4}
+    assert card.card.plcs.switches.enabled == {4}
 
 
 @pytest.mark.parametrize(("dialect", "i5"), [(PMAC, 0), (TURBO, 1)], ids=["pmac", "turbo"])
@@ -129,7 +129,7 @@ def test_what_an_earlier_one_switches_off_has_no_scan_in_that_cycle_and_what_it_
     store(card, 1, "DISABLE PLC 1,2\nENABLE PLC 3")
     run_for(card)
     assert values(card, "P2 P3") == [0, 0]
-    assert card.card.plc_enabled == {3}
+    assert card.card.plcs.switches.enabled == {3}
     run_for(card)
     assert values(card, "P2 P3") == [0, 1]
 
@@ -206,7 +206,7 @@ def test_a_run_time_error_switches_off_that_plc_alone(card: Wire) -> None:
     card.tell("P2=9999")
     run_for(card, 4)
     assert values(card, "P1 P3 P4") == [2, 1, 5]
-    assert card.card.plc_enabled == {2}
+    assert card.card.plcs.switches.enabled == {2}
     fault = card.card.plcs.faults[1]
     assert (fault.line, fault.code) == (1, 3)
     assert "P9999" in fault.detail
@@ -221,7 +221,7 @@ def test_a_run_time_error_of_plc_0_switches_it_off(card: Wire) -> None:
     store(card, 0, "P1=P1+1\nP(9999)=0")
     run_for(card, 3)
     assert values(card, "P1") == [1]
-    assert card.card.plc_enabled == set()
+    assert card.card.plcs.switches.enabled == set()
 
 
 @pytest.mark.parametrize("by", ["host", "plc"])
@@ -239,7 +239,7 @@ def test_control_d_switches_every_plc_off(card: Wire, by: str) -> None:
     assert all(before)
     run_for(card, 5)
     assert values(card, "P1 P2") == before
-    assert card.card.plc_enabled == set()
+    assert card.card.plcs.switches.enabled == set()
 
 
 def test_a_stop_of_a_host_has_the_last_word_over_a_command_of_the_same_cycle(card: Wire) -> None:

@@ -87,7 +87,7 @@ def test_enable_finds_out_whether_the_plc_is_well_formed(card: Wire) -> None:
     assert card.refusal("ENABLE PLC 2") == 9
     assert card.refusal("ENABLE PLC 1..3") == 9
     assert card.refusal("ENABLE PLC 1,3") == 16
-    assert card.card.plc_enabled == set(), "all of them or none"
+    assert card.card.plcs.switches.enabled == set(), "all of them or none"
     card.tell("ENABLE PLC 1", "OPEN PLC 2", "CLEAR", "P2=P2+1", "CLOSE", "ENABLE PLC 2")
     run_for(card)
     assert values(card, "P1 P2") == [1, 1]
@@ -134,7 +134,7 @@ def test_a_plc_that_is_deleted_is_gone(card: Wire, line: str) -> None:
     run_for(card, 2)
     assert values(card, "P1") == [2]
     assert card.refusal("LIST PLC 1") == 3
-    assert card.card.plc_enabled == set()
+    assert card.card.plcs.switches.enabled == set()
 
 
 def test_switching_on_a_plc_that_is_not_there_does_nothing_even_when_it_comes(card: Wire) -> None:
@@ -156,7 +156,7 @@ def test_a_reset_brings_saved_plcs_back_and_switches_them_on(card: Wire) -> None
     reset(card)
     assert card.ask("LIST PLC 1") == text.split("\n")
     assert card.ask("LIST PLC 2") == ["ENDIF"]
-    assert card.card.plc_enabled == {1, 3}, "what is not well formed stays off"
+    assert card.card.plcs.switches.enabled == {1, 3}, "what is not well formed stays off"
     run_for(card, 2)
     assert values(card, "P1 P2 P4") == [2, 6, 2], "from its top"
 
@@ -164,7 +164,7 @@ def test_a_reset_brings_saved_plcs_back_and_switches_them_on(card: Wire) -> None
 def test_a_reset_without_save_keeps_the_plcs_and_permits_what_the_machine_does(card: Wire) -> None:
     store(card, 1, "P1=P1+1", on=False)
     reset(card)
-    assert card.card.plc_enabled == {1}
+    assert card.card.plcs.switches.enabled == {1}
     run_for(card, 3)
     assert values(card, "P1") == [3], "the profile of the machine permits PLC 1 to 31"
 
@@ -177,7 +177,7 @@ def test_the_factory_has_no_plcs(card: Wire) -> None:
     run_for(card, 3)
     assert values(card, "P1") == [0]
     assert card.refusal("LIST PLC 1") == 3
-    assert card.card.plc_enabled == set()
+    assert card.card.plcs.switches.enabled == set()
 
 
 def test_a_saved_plc_runs_in_the_next_process(machine: MachineProfile, tmp_path: Path) -> None:

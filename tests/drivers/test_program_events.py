@@ -158,7 +158,7 @@ def test_what_a_program_says_waits_for_the_ports(card: IdealCard) -> None:
     card.run('SEND"READY"', 'CMD"#2J+"', "ENABLE PLC 1,3", "DISABLE PLC 1")
     assert [text for text, _ in card.controller.host_messages] == ["READY"]
     assert list(card.controller.pending_commands) == [("#2J+", "", Addressed(motor=1, system=1))]
-    assert card.controller.plc_enabled == {3}
+    assert card.controller.plcs.switches.enabled == {3}
     card.controller.reset()
     assert not card.controller.host_messages
     assert not card.controller.pending_commands

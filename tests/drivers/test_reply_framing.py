@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.framing import FramingError, Reply, ReplyReader, take_reply
+from drivers.pmac.framing import FramingError, Reply, ReplyReader
 from drivers.pmac.link_faults import FaultKind
 
 TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=12)
@@ -18,6 +18,14 @@ REPLIES = st.builds(
     st.none() | st.integers(0, 999),
     st.lists(TEXT, max_size=2),
 )
+
+
+def take_reply(buffer: bytes) -> tuple[Reply | None, int]:
+    """Return the first complete reply in `buffer` and the number of bytes that it takes (0 while incomplete)."""
+    reader = ReplyReader()
+    reader.feed(buffer)
+    reply = reader.take()
+    return reply, 0 if reply is None else len(buffer) - len(reader.rest)
 
 
 def on_the_wire(reply: Reply) -> bytes:

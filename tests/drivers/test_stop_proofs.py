@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.check import Check
 from drivers.commissioning.proofs.air_cut import air_cut
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.errors import DriverError
 from drivers.lathe.stop import StoppedError
 from drivers.simulator.machine import SimulatedLathe
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import Commissioned, Watched, commissioned
 from tests.drivers.cut_floor import with_inverter
@@ -31,7 +32,7 @@ def entry(found: MeasuredStops, way: Way, origin: Origin, axis: str) -> StopEntr
 
 
 def failed(found: MeasuredStops) -> list[Check]:
-    return [check for check in found.checks if check.outcome is Outcome.FAILS]
+    return [check for check in found.checks if check.severity is Severity.REFUSAL]
 
 
 def no_motion(card: Commissioned) -> bool:
@@ -95,7 +96,7 @@ def test_nothing_moves_where_no_plc_may_run(machine: MachineProfile) -> None:
     made = card.bench()
     card.tell("I5=0")
     (check,) = prove_stops(made).checks
-    assert (check.code, check.outcome) == ("proof_lease", Outcome.FAILS)
+    assert (check.code, check.severity) == ("proof_lease", Severity.REFUSAL)
     assert "heartbeat.plcs_forbidden" in check.found
     assert not any(motor.amplifier_enabled for motor in card.sim.controller.motors.values())
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from drivers.commissioning.check import Outcome
 from drivers.commissioning.proofs.bench import ProofBench
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.stop_record import needed_stops
@@ -17,6 +16,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
+from profiles.findings import Severity
 from profiles.store import load_machine
 
 CONTROL = ABORT_ALL + KILL_ALL
@@ -88,5 +88,5 @@ def test_every_stop_is_proven_past_a_question_that_waits() -> None:
 def test_a_board_that_does_not_obey_there_or_mixes_up_its_answers_is_found(obeys: bool, keeps_apart: bool) -> None:
     """What does not obey is ended by its lease."""
     _, found = measured(obeys=obeys, keeps_apart=keeps_apart)
-    failed = [check.code for check in found.checks if check.outcome is Outcome.FAILS]
+    failed = [check.code for check in found.checks if check.severity is Severity.REFUSAL]
     assert failed == ["proof_stop_abort_jog"]

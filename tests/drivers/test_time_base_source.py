@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
@@ -10,45 +11,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
+from drivers.pmac.master.following import parts_of
 from drivers.pmac.master.time_base_setup import TimeBaseEntry, entry_of
 from drivers.pmac.master.time_base_source import (
-    FASTEST_SLEW,
     UNITS_PER_MS,
-    ScaleFactorError,
     Trigger,
     TriggeredTimeBase,
-    increment_ms,
     increment_units,
+    nearest_factor,
     percent,
-    scale_factor,
-    slewed,
 )
 from drivers.pmac.settings import servo_cycle_ms
 
 
 @pytest.mark.parametrize(("counts_per_ms", "factor"), [(128, 1024), (163.84, 800), (256, 512), (204.8, 640)])
 def test_the_scale_factors_of_the_manuals(counts_per_ms: float, factor: int) -> None:
-    assert scale_factor(counts_per_ms) == factor
-
-
-@pytest.mark.parametrize(
-    ("counts_per_ms", "told"), [(100, "1310.72"), (0, "above 0"), (-128, "above 0"), (2e5, "131072 or")]
-)
-def test_a_frequency_without_a_whole_scale_factor_is_refused(counts_per_ms: float, told: str) -> None:
-    with pytest.raises(ScaleFactorError) as refused:
-        scale_factor(counts_per_ms)
-    assert told in str(refused.value)
-
-
-def test_the_refusal_names_the_nearest_frequencies() -> None:
-    with pytest.raises(ScaleFactorError, match=r"100\.0549618 or 99\.97864226"):
-        scale_factor(100)
-    assert round(131072 / 100.0549618) == 1310
+    assert nearest_factor(counts_per_ms) == factor
 
 
 @pytest.mark.parametrize("counts_per_ms", [128, 163.84, 256])
 def test_at_the_real_time_frequency_the_time_base_is_100_percent(counts_per_ms: float) -> None:
-    factor = scale_factor(counts_per_ms)
+    factor = nearest_factor(counts_per_ms)
     assert percent(factor, counts_per_ms) == pytest.approx(100.0)
     assert percent(factor, counts_per_ms / 4) == pytest.approx(25.0)
     # A thousand servo cycles of a master at that speed: the time of the trajectory is the time of the clock.
@@ -66,38 +49,26 @@ def test_no_count_of_the_master_is_lost_below_saturation(factor: int, changes: l
 
 
 def test_a_thirty_second_of_a_count_is_seen_and_less_is_not() -> None:
-    assert increment_ms(1024, 1.0) == 1 / 128
-    assert increment_ms(1024, 1 / 32) == 1 / 4096
-    assert increment_ms(1024, 1 / 33) == 0.0
+    assert increment_units(1024, parts_of(1.0)) == UNITS_PER_MS / 128
+    assert increment_units(1024, parts_of(1 / 32)) == UNITS_PER_MS / 4096
+    assert increment_units(1024, parts_of(1 / 33)) == 0
 
 
 def test_a_servo_cycle_gives_less_than_1_ms() -> None:
     # RTIF 32 counts/ms at 2.25 kHz is full at 72 counts/ms, 32 counts a cycle.
-    factor = scale_factor(32)
-    assert increment_ms(factor, 31.0) == 31 / 32
-    assert increment_ms(factor, 32.0) == increment_ms(factor, 50.0) == (2**23 - 1) / 2**23
-    assert increment_ms(factor, -50.0) == -1.0
-
-
-def test_ix94_limits_the_change_and_its_highest_value_never_does() -> None:
-    i10 = 3_713_707
-    assert slewed(0, i10, 1644) == 1644
-    assert slewed(i10, 0, 1644) == i10 - 1644
-    assert slewed(i10 - 100, i10, 1644) == i10
-    assert slewed(0, FASTEST_SLEW, FASTEST_SLEW) == FASTEST_SLEW
-    base, cycles = 0, 0
-    while base < i10:
-        base, cycles = slewed(base, i10, 1644), cycles + 1
-    assert cycles * servo_cycle_ms(i10) == pytest.approx(1000, abs=1)  # the default is 0 to 100 % in 1 s
+    factor = nearest_factor(32)
+    assert increment_units(factor, parts_of(31.0)) == UNITS_PER_MS * 31 / 32
+    assert increment_units(factor, parts_of(32.0)) == increment_units(factor, parts_of(50.0)) == 2**23 - 1
+    assert increment_units(factor, parts_of(-50.0)) == -UNITS_PER_MS
 
 
 def test_a_frozen_time_base_stands_and_an_armed_one_waits() -> None:
     base = TriggeredTimeBase(state=Trigger.RUNNING, factor=800, counts=1000)
-    base, units = base.set_state(0x90).step(1072)
+    base, units = replace(base, state=Trigger.FROZEN).step(1072)
     assert (base.state, units) == (Trigger.FROZEN, 0)
     base, units = base.step(1144, captured=1100)
     assert (base.state, units) == (Trigger.FROZEN, 0)
-    base, units = base.set_state(0xB0).step(1216)
+    base, units = replace(base, state=Trigger.ARMED).step(1216)
     assert (base.state, units) == (Trigger.ARMED, 0)
 
 
@@ -116,13 +87,8 @@ def test_time_begins_exactly_at_the_captured_count() -> None:
 
 def test_a_time_base_that_is_set_running_by_hand_does_not_jump() -> None:
     base, _ = TriggeredTimeBase(state=Trigger.FROZEN, factor=800).step(50_000)
-    _, units = base.set_state(0xA0).step(50_010)
+    _, units = replace(base, state=Trigger.RUNNING).step(50_010)
     assert units / UNITS_PER_MS == 10 / 163.84
-
-
-def test_another_method_is_no_triggered_time_base() -> None:
-    with pytest.raises(ValueError, match="4"):
-        TriggeredTimeBase(state=Trigger.FROZEN, factor=800).set_state(0x40)
 
 
 def test_the_set_up_lines_of_the_manuals() -> None:

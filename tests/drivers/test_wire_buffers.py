@@ -30,7 +30,7 @@ def test_what_exists_on_line_and_in_programs_goes_into_the_open_buffer(card: Wir
     card.tell("OPEN PROG 1 CLEAR", "P1=1", "I5=2", "M1", "I100", "F50", "HOME1", "ENABLE PLC 3", "CLOSE")
     assert listing(card) == ["P1=1", "I5=2", "M1", "I100", "F50", "HOME1", "ENABLE PLC 3"]
     assert card.ask("P1 I5 M1") == before
-    assert card.card.plc_enabled == set()
+    assert card.card.plcs.switches.enabled == set()
 
 
 @pytest.mark.parametrize("word", ["CLOSE", "CLS", "c l o s e", "c l s"])
@@ -135,12 +135,12 @@ def test_plcs_are_kept_listed_and_switched(card: Wire) -> None:
     lines = ["IF(P1=1)", "P2=P2+1", 'CMD"#1J/"', "ENDIF"]
     card.tell("ENABLE PLC 5", "OPEN PLC 5 CLEAR", *lines, "CLOSE")
     assert card.ask("LIST PLC 5") == lines
-    assert card.card.plc_enabled == set()
+    assert card.card.plcs.switches.enabled == set()
     card.tell("ENABLE PLC 1,5..7", "DISABLE PLC 6")
-    assert card.card.plc_enabled == {1, 5, 7}
+    assert card.card.plcs.switches.enabled == {1, 5, 7}
     card.tell("DELETE PLC 5")
     assert card.refusal("LIST PLC 5") == 3
-    assert card.card.plc_enabled == {1, 7}
+    assert card.card.plcs.switches.enabled == {1, 7}
 
 
 def test_an_open_plc_shows_in_the_global_status_and_takes_no_motion(card: Wire) -> None:

@@ -62,9 +62,9 @@ def test_control_c_reports_the_status_of_all_coordinate_systems(card: Wire) -> N
 
 def test_control_d_disables_every_plc(card: Wire) -> None:
     card.tell("ENABLE PLC 1..4")
-    assert card.card.plc_enabled == {1, 2, 3, 4}
+    assert card.card.plcs.switches.enabled == {1, 2, 3, 4}
     assert card.raw(code("D")) == b""
-    assert card.card.plc_enabled == set()
+    assert card.card.plcs.switches.enabled == set()
 
 
 def test_control_f_p_and_v_report_eight_motors_each(card: Wire) -> None:

@@ -19,10 +19,11 @@ from profiles.chucking.grip import (
 from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.chucking.wrench import Wrench, torque_n_m
 from profiles.cutting import cutting_force
+from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.materials import material_named
 from profiles.problem import ProfileError
-from profiles.rules import Severity, check, refusals
+from profiles.rules import check
 from profiles.store import load_job, load_machine
 
 JOB = load_job("lee-2001-experiment-1").job

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from profiles.findings import Severity
 from profiles.lobe.lobe_conditions import (
     FORCE_SHARE,
     OTHER_CUT,
@@ -18,7 +19,7 @@ from profiles.lobe.lobe_conditions import (
     unstated,
 )
 from profiles.lobe.prediction import predict
-from profiles.rules import Severity, check
+from profiles.rules import check
 from profiles.store import load_job, load_machine
 
 MEASURED = load_job("lee-2001-experiment-1").job

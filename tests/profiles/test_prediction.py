@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from profiles.chucking.diagnosis import Mechanism, diagnose
+from profiles.findings import Severity
 from profiles.job import Job
 from profiles.lobe.held_job import held_part
 from profiles.lobe.prediction import Prediction, predict
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
-from profiles.rules import Severity
 from profiles.store import load_job, load_machine
 
 ONE = load_job("lee-2001-experiment-1").job

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n
+from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.rules import Severity, check, refusals
+from profiles.rules import check
 from profiles.store import load_job, load_machine
 
 ONE = load_job("lee-2001-experiment-1").job

@@ -21,8 +21,8 @@ from console.tui.pages.run import RunPage
 from drivers.cutting.planning import Strategy
 from drivers.simulator.plant.shop_view import ShopView
 from profiles.compensations.learned import ExpectedPart
+from profiles.findings import Finding, Severity
 from profiles.problem import Problem
-from profiles.rules import Finding, Severity
 from tests.tui import align_stage, run_stage
 from tests.tui.page_stage import Shown, shown_on
 from tests.tui.scenes import AFTER, part, previewed, signed, taught

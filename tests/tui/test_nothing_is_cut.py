@@ -13,6 +13,7 @@ from functools import cache
 import pytest
 from rich.cells import cell_len
 
+from console.session.cut.interlocks import Interlock
 from console.session.learning.part_lesson import PartLesson
 from console.session.station.alarms import Alarm, Priority
 from console.session.station.state import Activity, StationState, StopState
@@ -25,12 +26,12 @@ from console.tui.messages import message_lines
 from console.tui.pages import preview_lines, setup_lines
 from console.tui.pages.fields import FORM, judge, name_problem, named
 from console.tui.pages.learn_lines import reason_lines
-from console.tui.pages.run_lines import Check, check_lines
+from console.tui.pages.run_lines import check_lines
 from console.tui.pages.setup_lines import FormState, form
 from console.tui.pages.stop_lines import lost_lines, stop_lines
 from console.tui.theme import Token
+from profiles.findings import Finding, Severity
 from profiles.problem import Problem
-from profiles.rules import Finding, Severity
 from tests.tui import run_stage
 from tests.tui.run_stage import MADE, state
 from tests.tui.stage import experiment
@@ -206,7 +207,9 @@ REFUSED = Severity.REFUSAL
 
 
 def of_run(problem: Problem, text: Catalogue, width: int, height: int | None) -> list[Line]:
-    return check_lines(text, (Check(name="no_stop"), Check(name="job", problems=(problem,))), width, height)
+    return check_lines(
+        text, (Interlock(name="no_stop"), Interlock(name="job", problems=(problem,))), width, height
+    )
 
 
 def of_setup(problem: Problem, text: Catalogue, width: int, height: int | None) -> list[Line]:

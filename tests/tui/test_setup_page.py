@@ -19,7 +19,8 @@ from console.tui.lines import plain, width_of
 from console.tui.pages.fields import FORM
 from console.tui.pages.setup import SetupPage
 from console.tui.pages.setup_lines import finding_lines, speed_lines
-from profiles.rules import Severity, check
+from profiles.findings import Severity
+from profiles.rules import check
 from profiles.store import load_job
 from tests.tui.page_stage import READY, PageScene, play_on
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, experiment

@@ -19,10 +19,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from profiles.findings import Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import Severity, force_as_measured, same_force
+from profiles.rules import force_as_measured, same_force
 
 
 class AlignStep(StrEnum):

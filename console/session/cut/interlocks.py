@@ -11,10 +11,11 @@ from drivers.cutting.strategy import Strategy
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import Severity, check, force_as_measured, lobe_as_found, refusals
+from profiles.rules import check, force_as_measured, lobe_as_found
 
 SPEED_BAND = 0.02
 """How far off the speed of the job a spindle may be that somebody else turns: the servo is inverted for that."""
@@ -25,10 +26,16 @@ START_BAND_COUNTS = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interlock:
-    """One condition; `problems` say why it does not hold, and are empty when it does."""
+    """One condition of the start. No `Finding`: it has a name also where it holds, and any number of reasons.
+
+    `problems` say why it does not hold, and are empty when it does; `warnings` are what has to be known before a
+    start that may be made all the same. `waits`: it is judged by arming.
+    """
 
     name: str
     problems: tuple[Problem, ...] = ()
+    warnings: tuple[Problem, ...] = ()
+    waits: bool = False
 
     @property
     def holds(self) -> bool:

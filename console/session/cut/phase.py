@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from profiles.compensations.path import LobedPath
+from profiles.least_squares import fit, harmonic_columns, phasors
 
 LEAST_LOOKS = 20
 
@@ -40,19 +42,16 @@ def phase_of(looks: NDArray[np.float64], wanted: LobedPath) -> Phase | None:
     if len(looks) < LEAST_LOOKS or wanted.amplitude_um == 0.0:
         return None
     wave = wanted.lobes * np.radians(looks[:, 0])
-    basis = np.stack([np.ones_like(wave), np.cos(wave), np.sin(wave)], axis=1)
-    found = np.linalg.lstsq(basis, looks[:, 1], rcond=None)[0]
-    _, c, s = found
-    amplitude_um = math.hypot(c, s)
+    found = fit(harmonic_columns(wave, (1,)), looks[:, 1])
+    coefficient = phasors(found.coefficients, (1,))[1]
+    amplitude_um = abs(coefficient)
     if amplitude_um < 0.1 * wanted.amplitude_um:
         return None
-    behind_deg = math.degrees(math.atan2(s, c)) / wanted.lobes - wanted.crest_deg
-    across = np.array([0.0, -s, c]) / amplitude_um**2
-    variance = float(np.sum((looks[:, 1] - basis @ found) ** 2)) / (len(looks) - len(found))
-    spread = math.sqrt(variance * max(float(across @ np.linalg.pinv(basis.T @ basis) @ across), 0.0))
+    behind_deg = math.degrees(-cmath.phase(coefficient)) / wanted.lobes - wanted.crest_deg
+    across = np.array([0.0, coefficient.imag, coefficient.real]) / amplitude_um**2
     return Phase(
         error_deg=math.remainder(behind_deg, 360.0 / wanted.lobes),
-        within_deg=SURE * math.degrees(spread) / wanted.lobes,
+        within_deg=SURE * math.degrees(found.sd_along(across)) / wanted.lobes,
     )
 
 

@@ -14,11 +14,12 @@ from console.session.stages import Stage
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from profiles.compensations.path import CutPath, Expected, expected
+from profiles.findings import Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
-from profiles.rules import Severity, check
+from profiles.rules import check
 from profiles.traces import Trace
 
 FILTER_UPR = 50.0

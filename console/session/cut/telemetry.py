@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
+from profiles.least_squares import fit, harmonic_columns
 from profiles.machine import MachineProfile
 
 LEAST_PEAK_UM = 1.0
@@ -90,9 +91,10 @@ class Telemetry:
         turns = spindle / self._machine.spindle.counts_per_rev
         error_um = self._errors_um(self._rows)
         following_um = following * self._machine.tool.count_um
+        _, turns_per_s = fit(harmonic_columns(at_s, (), at_s - at_s[0]), turns).coefficients
         return CutFigures(
             # The slope through all looks: the times of single ones are known to some milliseconds only.
-            spindle_speed_rpm=float(60.0 * np.polyfit(at_s - at_s[0], turns, 1)[0]),
+            spindle_speed_rpm=60.0 * float(turns_per_s),
             tool_error_um=float(np.abs(error_um).max()),
             tool_error_rms_um=float(np.sqrt(np.mean(error_um**2))),
             following_error_um=float(np.abs(following_um).max()),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from console.session.data.dates import is_ahead, utc_now
 from console.session.data.kept_files import folder_name, jobs_folder, keep, kept, make_folder
 from profiles.files import printable
 from profiles.job import Job, copy_of
-from profiles.own_values import record
+from profiles.own_values import read_own
 from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
 
@@ -143,20 +143,17 @@ def load(file: Path, subject: str, kind: str) -> Calibration:
     """Return the calibration in a file.
 
     Raises:
-        ProfileError: `file.unreadable`, `file.too_large`; `calibration.record`, a file that is none of ours, or
-            not of this subject and kind.
+        ProfileError: `file.unreadable`, `file.too_large`; `schema.unsupported`; `calibration.record`, a file
+            that is none of ours, or not of this subject and kind.
     """
-    table = kept(file, "calibration.record")
-    try:
-        if table["schema"] != SCHEMA or not isinstance(table["found"], dict):
-            raise ValueError(f"schema {table['schema']!r}")
-        if (table["subject"], table["kind"]) != (subject, kind):
-            raise ValueError(f"{table['subject']}, {table['kind']}")
-        plain = {key: value for key, value in table.items() if key != "found"}
-        # The numbers of a fit are read where they are used, by the names that the fit gives them.
-        return replace(record(Calibration, {**plain, "found": {}}), found=table["found"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise record_problem(file, str(error)) from error
+    where, code = printable(str(file)), "calibration.record"
+
+    def judge(calibration: Calibration) -> None:
+        if (calibration.subject, calibration.kind) != (subject, kind):
+            raise ValueError(f"{calibration.subject}, {calibration.kind}")
+
+    # The numbers of a fit are read where they are used, by the names that the fit gives them.
+    return read_own(Calibration, kept(file, code), schema=SCHEMA, code=code, where=where, judge=judge)
 
 
 def _folder(data: Path, subject: str) -> Path:

@@ -13,24 +13,22 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from datetime import date
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from console.session.data.kept_files import make_folder
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.proofs.bench import ProofBench
-from drivers.commissioning.stop_record import StopEntry, StopRecord, stop_key
+from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import StopsNow, record_problems
 from drivers.commissioning.verification import read_of_machine
 from drivers.errors import DriverError
 from drivers.lathe.stop import StopPath, way_problems
-from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile
-from profiles.own_values import from_json, record, text
+from profiles.own_values import from_json, read_own
 from profiles.problem import Problem, ProfileError
 
 FOLDER = "stops"
@@ -39,6 +37,7 @@ WITHOUT_CHECKSUM = (1, 2)
 """Schemas of before: nobody can tell whether such a file is as it was written."""
 
 CHECKSUM = "sha256"
+UNREADABLE = "stops.unreadable"
 CAP_BYTES = 1_000_000
 
 _measured: dict[tuple[str, str], StopRecord] = {}
@@ -95,17 +94,18 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
     if not path.exists():
         return None
     content = read_regular_file(path, cap_bytes=CAP_BYTES)
+    where = printable(str(path))
     try:
-        values = from_json(content)
-        schema, checksum = values.pop("schema"), values.pop(CHECKSUM, "")
-        if refusal := _schema_problem(schema, machine):
-            raise ProfileError(replace(refusal, where=printable(str(path))))
+        table = from_json(content)
+    except ValueError as error:
+        raise ProfileError(Problem(code=UNREADABLE, where=where, value=printable(str(error)))) from error
+    if isinstance(table, dict) and "schema" in table:
+        checksum = str(table.pop(CHECKSUM, ""))
+        if refusal := _schema_problem(table["schema"], machine):
+            raise ProfileError(replace(refusal, where=where))
         if checksum != hashlib.sha256(content.replace(checksum.encode(), b"")).hexdigest():
-            raise ProfileError(Problem(code="stops.changed", where=printable(str(path)), key=machine.name))
-        return _record(values)
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
-        where, value = printable(str(path)), printable(str(error))
-        raise ProfileError(Problem(code="stops.unreadable", where=where, key=machine.name, value=value)) from error
+            raise ProfileError(Problem(code="stops.changed", where=where, key=machine.name))
+    return read_own(StopRecord, table, schema=SCHEMA, code=UNREADABLE, where=where, judge=_judge)
 
 
 def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> StopRecord:
@@ -171,28 +171,7 @@ def _schema_problem(schema: object, machine: MachineProfile) -> Problem | None:
     return None
 
 
-def _record(values: dict[str, Any]) -> StopRecord:
-    """Return the record of a file.
-
-    Raises:
-        ValueError, TypeError, KeyError, AttributeError, OverflowError: it is none.
-    """
-    return StopRecord(
-        measured_at=date.fromisoformat(values.pop("measured_at")),
-        stop_way=StopWay(values.pop("stop_way")),
-        entries=tuple(_entry(each) for each in values.pop("entries")),
-        **{name: text(value) for name, value in values.items()},
-    )
-
-
-def _entry(table: Mapping[str, Any]) -> StopEntry:
-    """Return the entry of a file.
-
-    Raises:
-        ValueError: it names another stop, or a value is no finite number, or below 0.
-        TypeError: a value of another type, one that is missing, or one more.
-    """
-    entry = record(StopEntry, table)
-    if min(value for value in asdict(entry).values() if isinstance(value, float)) < 0.0:
-        raise ValueError(f"{entry.way} {entry.origin} {entry.axis} < 0")
-    return entry
+def _judge(found: StopRecord) -> None:
+    for entry in found.entries:
+        if min(value for value in asdict(entry).values() if isinstance(value, float)) < 0.0:
+            raise ValueError(f"{entry.way} {entry.origin} {entry.axis} < 0")

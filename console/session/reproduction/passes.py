@@ -18,6 +18,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.compensations.learning import fit_harmonics, learned_command
 from profiles.compensations.path import CutPath, LobedPath, wanted_path
 from profiles.job import Job
+from profiles.least_squares import fit, harmonic_columns
 from profiles.machine import MachineProfile
 
 BATCH_S = 1.0
@@ -91,8 +92,9 @@ def _turn_um_pp(found: Mapping[int, complex]) -> float:
 
 def _steady(angle_deg: Floats, off_um: Floats) -> Floats:
     """Return what is off without its drift."""
-    turns = (angle_deg - angle_deg[0]) / 360.0
-    return np.asarray(off_um - np.polyval(np.polyfit(turns, off_um, DRIFT_POWERS), turns), dtype=np.float64)
+    fed = (angle_deg - angle_deg[0]) / np.ptp(angle_deg)
+    drift = (fed**power for power in range(1, DRIFT_POWERS + 1))
+    return fit(harmonic_columns(fed, (), *drift), off_um).residuals
 
 
 class _Watch:

@@ -50,8 +50,9 @@ from console.session.station.workplace import Workplace
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
+from profiles.findings import Severity
 from profiles.problem import Problem
-from profiles.rules import Severity, force_as_measured
+from profiles.rules import force_as_measured
 
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
 """Alarms that a take-over settles."""

@@ -14,9 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from profiles.least_squares import fit, harmonic_columns
+
 Floats = NDArray[np.float64]
 
-ORDERS = np.arange(1, 7)
+ORDERS = range(1, 7)
 """Swings a turn that are looked for: belts, jaws, gears, poles. What swings faster is not in the figure."""
 
 LEAST_LOOKS = 40
@@ -51,21 +53,16 @@ def spindle_ripple(looks: Floats, counts_per_rev: float) -> SpindleRipple | None
     swing of the speed. Its standard error comes from what is left over; looks that meet too few places of a turn
     tell nothing. To that is added what the encoder rounds off (`_rounded`).
     """
-    unknowns = 2 + 2 * len(ORDERS)
     if len(looks) < LEAST_LOOKS:
         return None
     count_rad = 2.0 * np.pi / counts_per_rev
     angle, ahead = looks[:, 0] * count_rad, -looks[:, 1] * count_rad
     drift = (angle - angle.mean()) / max(float(np.ptp(angle)), count_rad)
-    rows = np.column_stack([np.ones_like(angle), drift, *_waves(angle)])
-    found, _, rank, _ = np.linalg.lstsq(rows, ahead, rcond=LEAST_SPREAD)
-    if rank < unknowns:
+    found = fit(harmonic_columns(angle, ORDERS, drift), ahead)
+    if found.condition * LEAST_SPREAD >= 1.0:
         return None
-    left_over = ahead - rows @ found
-    variance = float(left_over @ left_over) / (len(looks) - unknowns)
-    covariance = variance * np.linalg.inv(rows.T @ rows)[2:, 2:]
-    swing = _SLOPES @ found[2:]
-    error = np.sqrt(np.einsum("ij,jk,ik->i", _SLOPES, covariance, _SLOPES).max())
+    swing = _SLOPES @ found.coefficients
+    error = np.sqrt(np.einsum("ij,jk,ik->i", _SLOPES, found.covariance, _SLOPES).max())
     within_percent = 100.0 * (DEVIATIONS * float(error) + _rounded(count_rad))
     if within_percent > WITHIN_LIMIT_PERCENT or swing.max() >= 1.0:
         return None
@@ -81,17 +78,15 @@ def _rounded(count_rad: float) -> float:
     its harmonics, the n-th of 1 / (n pi) counts, are then taken for swings; at the worst the largest for the
     highest order, and so on.
     """
-    harmonics = np.arange(1, len(ORDERS) + 1)
-    return 2.0 * float((ORDERS[::-1] / harmonics).sum()) * count_rad / np.pi
-
-
-def _waves(angle: Floats) -> tuple[Floats, ...]:
-    return tuple(wave for order in ORDERS for wave in (np.cos(order * angle), np.sin(order * angle)))
+    worst = sum(order / harmonic for harmonic, order in enumerate(reversed(ORDERS), start=1))
+    return 2.0 * worst * count_rad / np.pi
 
 
 def _slopes(angle: Floats) -> Floats:
+    """Return the slopes of the columns of the fit by the angle; neither mean nor drift swings."""
     pairs = ((-order * np.sin(order * angle), order * np.cos(order * angle)) for order in ORDERS)
-    return np.column_stack([slope for pair in pairs for slope in pair])
+    none = np.zeros_like(angle)
+    return np.column_stack([none, none, *(slope for pair in pairs for slope in pair)])
 
 
 _SLOPES = _slopes(_PLACES)

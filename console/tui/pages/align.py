@@ -7,7 +7,6 @@ cannot be done now says why.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -20,19 +19,18 @@ from console.session.station.intents import (
     Forget,
     Home,
     Intent,
-    Jog,
     SwitchOff,
     SwitchOn,
     TakeJaw,
     TakeTouchOff,
     Verify,
 )
-from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
 from console.session.station.state import Activity, StationState
 from console.tui.desk import Desk, View
-from console.tui.keymap import ACTIONS, PageName
+from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
+from console.tui.pages.align_jog import JOGS, JogKeys
 from console.tui.pages.align_lines import (
     NEAR_MARK_DEG,
     angle_deg,
@@ -50,27 +48,15 @@ from console.tui.pages.align_lines import (
 )
 from console.tui.pages.chuck_picture import chuck_lines
 from console.tui.pages.jog_lines import JogView, jog_lines
-from console.tui.pages.jog_presses import SURE_S, JogPresses
 from console.tui.theme import Token
-from console.tui.waiting import refusal, waiting
+from console.tui.waiting import waiting
 from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
 from profiles.problem import Problem
 
-JOGS = {
-    "align.in": (AxisName.TOOL, 1.0),
-    "align.out": (AxisName.TOOL, -1.0),
-    "align.chuck": (AxisName.CARRIAGE, 1.0),
-    "align.tail": (AxisName.CARRIAGE, -1.0),
-    "align.forward": (AxisName.SPINDLE, 1.0),
-    "align.backward": (AxisName.SPINDLE, -1.0),
-}
-"""Axis and direction of each jog key: toward the work, toward the chuck, with the cut are positive."""
-
 CONFIRM_S = 3.0
 """How long a second Enter takes what the first one was warned of."""
 
-_KEYS = {action.id: action.shown for action in ACTIONS}
 _BY_HAND = {
     AlignStep.CLAMP: "screen.enter_does_it",
     AlignStep.JAW: "screen.jog_does_it",
@@ -102,10 +88,7 @@ class AlignPage(Page):
         self._steps = Sheet(palette, id="align-steps")
         self._why = Sheet(palette, id="align-why")
         self._chuck = Sheet(palette, id="align-chuck")
-        self._step_lengths = Steps()
-        self._jogged: tuple[AlignStep | None, AxisName] | None = None
-        self._jog: JogEnable | None = None
-        self._presses = JogPresses()
+        self._jog = JogKeys(desk, self._later)
         self._warned_s: float | None = None
         self._titles()
 
@@ -127,11 +110,11 @@ class AlignPage(Page):
         text, state, job = self.desk.text, view.state, _job(view)
         machine = self.desk.machine.machine
         if state.moving:
-            self._renew(view.now_s)  # idle is counted from the end of what moves
-        self._let_go(state, view.now_s)
-        self._press_due()
+            self._jog.renew(view.now_s)  # idle is counted from the end of what moves
+        self._jog.let_go(state, view.now_s)
+        self._jog.press_due()
         self._axes.show(axes_lines(text, state, machine, view.now_s, self._axes.size.width))
-        jog = self._jog_view(state, view.now_s)
+        jog = self._jog.view(state, view.now_s)
         self._title_jog(jog)
         self._jog_panel.show(jog_lines(text, jog, self._jog_panel.size.width, self._jog_panel.size.height))
         self._steps.show(step_lines(text, state, job))
@@ -149,15 +132,15 @@ class AlignPage(Page):
         if action != "align.take":
             self._warned_s = None
         if action in JOGS:
-            self._press(action)
+            self._jog.press(action)
         else:
-            self._presses.forget()
+            self._jog.forget()
             answers: dict[str, Callable[[str], None]] = {
                 "align.step": self._do_step,
                 "align.take": self._take,
-                "align.enable": self._enable,
-                "align.larger": self._change_rung,
-                "align.smaller": self._change_rung,
+                "align.enable": self._jog.enable,
+                "align.larger": self._jog.change_rung,
+                "align.smaller": self._jog.change_rung,
                 "align.off": self._switch_off,
                 "align.back": self._take_back,
             }
@@ -188,8 +171,8 @@ class AlignPage(Page):
 
     def leave(self) -> None:
         """Let go of the jog; a step that is under way ends with its page."""
-        self._jog = self._warned_s = None
-        self._presses.forget()
+        self._warned_s = None
+        self._jog.end()
         if self.desk.control.state.activity is Activity.JOGGING:
             self.desk.say_until_key(Problem(code="screen.left_jogging"))
             self.desk.control.stop("page")
@@ -202,11 +185,13 @@ class AlignPage(Page):
             return "clamp_drives_on"
         if step is AlignStep.CLAMP and job is not None and force_problems(job):
             return "clamp_refused"
-        if step is AlignStep.JAW and self._jog is None:
+        if step is AlignStep.JAW and not self._jog.enabled:
             return "jaw_enable"
         if step is AlignStep.TOUCH_OFF:
             place = touch_word(state, machine)
-            return f"touch_off{place}_enable" if place == "_over" and self._jog is None else f"touch_off{place}"
+            return (
+                f"touch_off{place}_enable" if place == "_over" and not self._jog.enabled else f"touch_off{place}"
+            )
         if step is None:
             return "jaw_off" if (jaw_off_deg(state, machine) or 0.0) > NEAR_MARK_DEG else "valid"
         return str(step)
@@ -214,7 +199,7 @@ class AlignPage(Page):
     def _do_step(self, key: str) -> None:
         """F4: the present step, where it is the machine's to do."""
         state, job = self.desk.control.state, self._job
-        if self._refuses(state, key):
+        if self._jog.refuses(state, key):
             return
         match step_now(state.alignment, job):
             case AlignStep.VERIFY:
@@ -237,7 +222,7 @@ class AlignPage(Page):
     def _take(self, key: str) -> None:
         """Enter: confirm what hands did, or take a place over as it is. Nothing moves."""
         state, job = self.desk.control.state, self._job
-        if self._refuses(state, key):
+        if self._jog.refuses(state, key):
             return
         if job is None:
             self._say("screen.nothing_to_align")
@@ -274,7 +259,7 @@ class AlignPage(Page):
     def _take_back(self, key: str) -> None:
         """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
         state = self.desk.control.state
-        if self._refuses(state, key):
+        if self._jog.refuses(state, key):
             return
         alignment = state.alignment
         later = step_now(alignment, self._job) in (AlignStep.TOUCH_OFF, None)
@@ -302,125 +287,12 @@ class AlignPage(Page):
 
     def _switch_off(self, key: str) -> None:
         state = self.desk.control.state
-        if self._stops_what_moves(state, key) or self._refuses(state, key):
+        if self._jog.stops_what_moves(state, key) or self._jog.refuses(state, key):
             return
         if drives_are_on(state):
             self._post(SwitchOff())
         else:
             self._say("screen.drives_are_off")
-
-    def _enable(self, key: str) -> None:
-        state = self.desk.control.state
-        if not self._refuses(state, key):
-            self._jog = JogEnable(used_s=self.desk.control.now_s(), stops=state.stops)
-
-    def _change_rung(self, key: str) -> None:
-        state = self.desk.control.state
-        if state.activity is Activity.JOGGING and self._stops_what_moves(state, key):
-            return
-        step = 1 if key == "align.larger" else -1
-        self._step_lengths = self._step_lengths.changed(self._axis(state), step)
-        self._renew(self.desk.control.now_s())
-
-    def _axis(self, state: StationState) -> AxisName:
-        """Return the axis whose step + and - change: the last one jogged in this step, else that of the step."""
-        step = step_now(state.alignment, self._job)
-        if self._jogged is not None and self._jogged[0] is step:
-            return self._jogged[1]
-        return AxisName.SPINDLE if step is AlignStep.JAW else AxisName.TOOL
-
-    def _press(self, key: str) -> None:
-        """A jog key: one step for each press that finds the machine at rest; the others are counted and told."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
-        goes_on = state.activity is Activity.JOGGING and key == self.desk.jog
-        if not goes_on and (self._stops_what_moves(state, key) or self._refuses(state, key)):
-            self._presses.forget()
-            return
-        self._let_go(state, now_s)
-        if self._jog is None:
-            self._say("screen.jog_not_enabled")
-            return
-        if self._presses.press(key, now_s, at_rest=not state.moving):
-            self._jog_by(key, state)
-        elif self._presses.waits and self.is_attached:
-            self.set_timer(1.1 * SURE_S, self._press_due)
-        self._tell_presses(key)
-
-    def _press_due(self) -> None:
-        """A press that might have been the first repeat of a key that is held turns out to be one of its own."""
-        state, now_s = self.desk.control.state, self.desk.control.now_s()
-        self._let_go(state, now_s)
-        if self._jog is None:
-            self._presses.forget()
-            return
-        decides = self._presses.waits
-        key = self._presses.due(now_s, at_rest=not state.moving)
-        if key is not None and not self._refuses(state, key):
-            self._jog_by(key, state)
-        if decides and not self._presses.waits and self.desk.jog is not None:
-            self._tell_presses(self.desk.jog)
-
-    def _jog_by(self, key: str, state: StationState) -> None:
-        axis, sign = JOGS[key]
-        step = self._step_lengths.of(axis)
-        longest = longest_toward_mm(state.snapshot, self.desk.machine.machine, state.alignment)
-        if key == "align.in" and is_too_long(step, longest):
-            self._presses.forget()
-            self._say("screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm")
-            return
-        self._jogged, self.desk.jog = (step_now(state.alignment, self._job), axis), key
-        self._renew(self.desk.control.now_s())
-        if not self.desk.control.post(Jog(axis=axis, distance=sign * step)):
-            self._presses.refused()
-
-    def _tell_presses(self, key: str) -> None:
-        """Say which presses made no step; it stays said, because the machine comes to rest soon after."""
-        presses = self._presses
-        if presses.held:
-            self.desk.say_until_key(Problem(code="screen.jog_key_held", key=_KEYS[key]))
-        elif presses.missed:
-            pressed = str(presses.missed + presses.taken)
-            self.desk.say_until_key(
-                Problem(code="screen.presses_missed", key=_KEYS[key], value=str(presses.missed), limit=pressed)
-            )
-
-    def _stops_what_moves(self, state: StationState, key: str) -> bool:
-        """Another axis, direction or step while something moves is a change of mind: stop first."""
-        if not state.moving:
-            return False
-        self.desk.say_until_key(Problem(code="screen.key_in_motion", key=_KEYS[key]))
-        self.desk.control.stop(f"change {_KEYS[key]}")
-        return True
-
-    def _refuses(self, state: StationState, key: str) -> bool:
-        """Say why the station cannot take an order now, if it cannot."""
-        problem = refusal(state, _KEYS[key])
-        if problem is not None:
-            self.desk.said = (problem,)
-        return problem is not None
-
-    def _let_go(self, state: StationState, now_s: float) -> None:
-        if self._jog is not None and not self._jog.holds(state, now_s):
-            self._jog = None
-            self._presses.forget()
-
-    def _renew(self, now_s: float) -> None:
-        if self._jog is not None:
-            self._jog = replace(self._jog, used_s=now_s)
-
-    def _jog_view(self, state: StationState, now_s: float) -> JogView:
-        machine = self.desk.machine.machine
-        return JogView(
-            machine=machine,
-            steps=self._step_lengths,
-            axis=self._axis(state),
-            made=self._presses.taken,
-            left_s=None if self._jog is None else self._jog.left_s(now_s),
-            moving=state.moving,
-            longest_mm=longest_toward_mm(state.snapshot, machine, state.alignment),
-            simulated=state.simulated,
-            seen=None if state.activity is Activity.LOST else state.seen,
-        )
 
     @property
     def _job(self) -> Job | None:
@@ -431,6 +303,10 @@ class AlignPage(Page):
 
     def _say(self, code: str, *, key: str = "", value: str = "", limit: str = "") -> None:
         self.desk.said = (Problem(code=code, key=key, value=value, limit=limit),)
+
+    def _later(self, after_s: float, call: Callable[[], None]) -> None:
+        if self.is_attached:
+            self.set_timer(after_s, call)
 
     def _titles(self) -> None:
         text = self.desk.text

@@ -44,8 +44,8 @@ from console.tui.theme import Token
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.preview import Underway
+from profiles.findings import Finding, Severity
 from profiles.problem import ProblemError
-from profiles.rules import Finding, Severity
 
 ROWS_FOR_PLOTS = 16
 """Rows of the page below which numbers take the room of the plots."""

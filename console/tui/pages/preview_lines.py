@@ -16,9 +16,9 @@ from drivers.preview.band import Band
 from drivers.preview.closed_form import ClosedForm, closed_form
 from drivers.preview.preview import Prediction, Response, Underway
 from profiles.compensations.learned import ExpectedPart
+from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
-from profiles.rules import Finding, Severity
 
 MARKS = {
     Severity.REFUSAL: ("✗", Token.ALARM),

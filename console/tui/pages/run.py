@@ -7,7 +7,6 @@ nothing. What cannot be done now says why.
 from __future__ import annotations
 
 import math
-from enum import Enum, auto
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -15,10 +14,9 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.compensated import with_news
-from console.session.stages import Stage
 from console.session.station.intents import Arm, Disarm, Hold, Retract, Start
-from console.session.station.jogging import no_retract, tool_in_part
-from console.session.station.progress import CutProgress, CutStage
+from console.session.station.jogging import no_retract
+from console.session.station.progress import CutProgress
 from console.session.station.state import Activity, StationState
 from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
@@ -32,10 +30,10 @@ from console.tui.pages.run_lines import (
     failing,
     figure_lines,
     input_lines,
-    is_over,
     moves_lines,
     summary_lines,
 )
+from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TraceView
@@ -44,7 +42,6 @@ from console.tui.waiting import refusal
 from drivers.cutting.strategy import Strategy
 from profiles.problem import Problem
 
-ENDED = (CutStage.DONE, CutStage.HELD)
 FULL_TURN_DEG = (0.0, 360.0)
 WIDEST_FACT = 56
 """Columns in which a label and its value still read as one."""
@@ -52,36 +49,10 @@ WIDEST_FACT = 56
 LEAST_WIDTH = 10
 """A panel that is narrower has not got its size yet: a text in it would be broken by letters."""
 
-LEFT_STAGES = frozenset({CutStage.CUT, CutStage.RETRACT})
-"""Stages in which the tool is in the part, or on its way out; a cut that ended in one of them was left."""
-
 LEAST_POLAR_ROWS = 24
 """Rows of the page from which there is room for the polar picture below the other one."""
 
 _KEYS = {action.id: action.shown for action in ACTIONS}
-
-
-class Phase(Enum):
-    """What the page is about."""
-
-    BEFORE = auto()
-    CUTTING = auto()
-    ENDED = auto()
-    STOPPED = auto()
-    LOST = auto()
-
-
-def phase_of(state: StationState) -> Phase:
-    """Return what the page is about in this state."""
-    if state.activity is Activity.LOST:
-        return Phase.LOST
-    if state.stop is not None:
-        return Phase.STOPPED
-    if state.cut is None or state.armed is not None:
-        return Phase.BEFORE
-    if state.cut.stage in ENDED:
-        return Phase.ENDED
-    return Phase.CUTTING if state.activity in (Activity.POSITIONING, Activity.CUTTING) else Phase.BEFORE
 
 
 class _Across(Horizontal):
@@ -220,7 +191,7 @@ class RunPage(Page):
         """Return what to do now."""
         if view.state.activity is Activity.LOST:
             return line((self.desk.text("frame.lost"), Token.ACTION))
-        word, token = self._next_word(view)
+        word, token = next_word(view, self.desk.machine.machine)
         armed = view.state.armed
         left_s = 0 if armed is None else max(math.ceil(armed.until_s - view.now_s), 0)
         return line((self.desk.text(f"run_page.next.{word}", left=left_s), token))
@@ -242,43 +213,6 @@ class RunPage(Page):
         rows = [] if view.work is None else summary_lines(text, state, view.work, view.now_s, facts)
         inputs = input_lines(text, state.snapshot, width)
         return [*moves, *check_lines(text, checks(state, view.work, machine), width), *inputs, *rows]
-
-    def _next_word(self, view: View) -> tuple[str, Token]:
-        state = view.state
-        phase = phase_of(state)
-        if phase is Phase.STOPPED:
-            proven = state.stop is not None and state.stop.rest_s is not None
-            return "stopped" if proven else "stopping", Token.ACTION
-        if phase is Phase.CUTTING and state.cut is not None:
-            return _stage_word(state.cut), Token.STRONG
-        if state.armed is not None:
-            return "armed", Token.ACTION
-        if state.activity is not Activity.READY:
-            return "wait", Token.DIM
-        if phase is Phase.ENDED and is_over(state):
-            return _over_word(state), Token.ACTION
-        if _left(state) and (inside := self._in_part(state)) is not False:
-            closed = state.snapshot is not None and state.snapshot.loops_closed
-            held = "retract" if inside else "retract_unknown"
-            return (held if closed else "switch_on"), Token.ACTION
-        return self._missing_word(view), Token.ACTION
-
-    def _missing_word(self, view: View) -> str:
-        if view.work is None:
-            return "no_job"
-        found = checks(view.state, view.work, self.desk.machine.machine)
-        failed = [check.name for check in found if check.problems]
-        if not failed:
-            if view.state.touched is not None:
-                return "arm_again"
-            return "arm_air" if _done_in_air(view.state) and view.work.stage == Stage.AIR else "arm"
-        return {"job": "set_up", "learned": "choose"}.get(failed[0], "align")
-
-    def _in_part(self, state: StationState) -> bool | None:
-        """Whether the tool stands in or at the part that is clamped, None where that is not known."""
-        if state.snapshot is None:
-            return None
-        return tool_in_part(state.snapshot, self.desk.machine.machine, state.alignment)
 
     def _arm(self) -> None:
         state, work = self.desk.control.state, self.desk.work
@@ -326,7 +260,7 @@ class RunPage(Page):
         refused = no_retract(state.snapshot, self.desk.machine.machine, state.alignment)
         if refused is not None:
             self.desk.said = (refused,)
-        elif self._in_part(state) is False:
+        elif in_part(state, self.desk.machine.machine) is False:
             self._say("screen.tool_is_out")
         else:
             self.desk.control.post(Retract())
@@ -431,34 +365,3 @@ class RunPage(Page):
 
     def _say(self, code: str) -> None:
         self.desk.said = (Problem(code=code),)
-
-
-def _left(state: StationState) -> bool:
-    """Whether a cut was left while the tool was in the part that is clamped, or on its way out."""
-    return state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
-
-
-def _done_in_air(state: StationState) -> bool:
-    """Whether the cut in air has been done, after which the blank is still there."""
-    return state.cut is not None and state.cut.in_air and state.cut.stage is CutStage.DONE
-
-
-def _over_word(state: StationState) -> str:
-    """Return the word of what comes after a cut that has been cut to its end."""
-    if not state.cut_done:
-        return "measured"
-    return "measure" if state.simulated else "take_out"
-
-
-def _stage_word(cut: CutProgress) -> str:
-    match cut.stage:
-        case CutStage.POSITION:
-            return "positioning"
-        case CutStage.RETRACT:
-            return "retracting"
-        case _ if cut.holding:
-            return "holding"
-        case CutStage.RUN_UP:
-            return "run_up"
-        case _:
-            return "cutting"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from rich.cells import cell_len
 
@@ -17,7 +16,7 @@ from console.session.cut.alignment import (
     step_problems,
 )
 from console.session.cut.compensated import chosen_problems
-from console.session.cut.interlocks import of_job, of_lobe
+from console.session.cut.interlocks import Interlock, of_job, of_lobe
 from console.session.stages import Stage
 from console.session.station.jogging import tool_radius_mm
 from console.session.station.progress import CutProgress, CutStage
@@ -40,57 +39,44 @@ from profiles.problem import Problem
 LABEL_WIDTH = 13
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
-    """One condition of the start. `problems` say why it does not hold; `waits`: it is judged by arming.
-
-    `warnings` are what has to be known before a start that may be made all the same.
-    """
-
-    name: str
-    problems: tuple[Problem, ...] = ()
-    warnings: tuple[Problem, ...] = ()
-    waits: bool = False
-
-
-def checks(state: StationState, work: Work | None, machine: MachineProfile) -> tuple[Check, ...]:
+def checks(state: StationState, work: Work | None, machine: MachineProfile) -> tuple[Interlock, ...]:
     """Return every interlock of the start, in the order in which they are put right."""
     snapshot = state.snapshot
     if snapshot is None:
-        return (Check(name="link", problems=(Problem(code="screen.nothing_known"),)),)
+        return (Interlock(name="link", problems=(Problem(code="screen.nothing_known"),)),)
     stopped = () if state.stop is None else (Problem(code="screen.stopped_first", key="F5"),)
     faults = tuple(Problem(code="screen.axis_fault", value=fault) for fault in snapshot.axis_faults)
     drives = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
     homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
     rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
     return (
-        Check(name="no_stop", problems=stopped),
+        Interlock(name="no_stop", problems=stopped),
         # Drives that are off report none, whatever is the matter.
-        Check(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),
+        Interlock(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),
         *_of_work(state, work, machine),
-        Check(name="drives_on", problems=drives),
-        Check(name="homed", problems=homed),
-        Check(name="at_rest", problems=rest),
+        Interlock(name="drives_on", problems=drives),
+        Interlock(name="homed", problems=homed),
+        Interlock(name="at_rest", problems=rest),
         _blank_check(state),
-        Check(name="program", waits=state.armed is None),
+        Interlock(name="program", waits=state.armed is None),
     )
 
 
-def _blank_check(state: StationState) -> Check:
+def _blank_check(state: StationState) -> Interlock:
     """Whether the blank is one. What was cut in part may be cut again, by who knows of it."""
     marks = ", ".join(f"{mark_mm:.1f}" for mark_mm in state.marks_mm)
     marked = (Problem(code="screen.part_is_marked", value=marks),) if marks else ()
     if state.cut_done:
-        return Check(name="fresh_blank", problems=(Problem(code="screen.part_is_cut"),), warnings=marked)
+        return Interlock(name="fresh_blank", problems=(Problem(code="screen.part_is_cut"),), warnings=marked)
     touched = state.touched
     if touched is None:
-        return Check(name="touched_blank" if marked else "fresh_blank", warnings=marked)
+        return Interlock(name="touched_blank" if marked else "fresh_blank", warnings=marked)
     value, limit = f"{touched.to_mm:.1f}", f"{touched.of_mm:.1f}"
     again = Problem(code="screen.part_is_touched", value=value, limit=limit)
-    return Check(name="touched_blank", warnings=(again, *marked))
+    return Interlock(name="touched_blank", warnings=(again, *marked))
 
 
-def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Check]:
+def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Interlock]:
     """The conditions of the job: of the one that is armed, else of the one in hand."""
     chosen: tuple[Problem, ...] | None = None
     if state.armed is not None:
@@ -100,23 +86,25 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
         if work.compensation is not None or work.stage != Stage.FULL:
             chosen = chosen_problems(work, simulated=state.simulated)
     else:
-        yield Check(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
+        yield Interlock(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
         return
     fits = of_job(job, aligned_machine(machine, state.alignment))
     as_found = of_lobe(job, machine, strategy, simulated=state.simulated)
-    yield Check(name="job", problems=(*fits.problems, *as_found.problems))
+    yield Interlock(name="job", problems=(*fits.problems, *as_found.problems))
     aside = () if work is None or state.armed is not None else work.set_aside
     if chosen is not None or aside:
-        yield Check(name="learned", problems=chosen or (), warnings=aside)
-    yield Check(name="aligned", problems=problems(state.alignment, job))
+        yield Interlock(name="learned", problems=chosen or (), warnings=aside)
+    yield Interlock(name="aligned", problems=problems(state.alignment, job))
 
 
-def failing(found: tuple[Check, ...]) -> tuple[Problem, ...]:
+def failing(found: tuple[Interlock, ...]) -> tuple[Problem, ...]:
     """Return every reason why a cut may not be armed, each once: the drives are part of the alignment, too."""
     return tuple(dict.fromkeys(problem for check in found for problem in check.problems))
 
 
-def check_lines(text: Catalogue, found: tuple[Check, ...], width: int, height: int | None = None) -> list[Line]:
+def check_lines(
+    text: Catalogue, found: tuple[Interlock, ...], width: int, height: int | None = None
+) -> list[Line]:
     """Return one row for each condition, with the first reason below it where it does not hold.
 
     In little room what does not hold comes first. Without a height it is all of the reasons.

@@ -23,8 +23,9 @@ from console.tui.pages.setup_lines import FormState, draft, finding_lines, form,
 from console.tui.theme import Token
 from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
+from profiles.findings import Severity, refusals
 from profiles.problem import Problem, ProblemError
-from profiles.rules import Severity, check, refusals
+from profiles.rules import check
 from profiles.store import list_jobs
 
 _NUMBER_CAP_CHARACTERS = 24

@@ -16,11 +16,11 @@ from profiles.chucking.advice import ForceSpan, Stands, force_span
 from profiles.chucking.holding import holding_of
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, wrench_force_sd_n
 from profiles.chucking.wrench import torque_or_none_n_m
+from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import changed_conditions, lobe_source
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.rules import Finding, Severity
 
 ENTRY_WIDTH = 10
 """Cells in which a number is typed; a text takes all of its row."""

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from drivers.clock import Clock
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.stop_record import Origin, Way, needed_stops
 from drivers.controller import Controller
@@ -20,6 +20,7 @@ from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.text import format_constant
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.status import decode
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -239,9 +240,9 @@ class ProofBench:
 
 def proof(name: str, *, holds: bool, found: str, wanted: str, subject: str = "") -> Check:
     """Return what came of a proof."""
-    outcome = Outcome.HOLDS if holds else Outcome.FAILS
+    severity = Severity.OK if holds else Severity.REFUSAL
     return Check(
-        group=Group.PROOFS, code=f"proof_{name}", outcome=outcome, subject=subject, found=found, wanted=wanted
+        group=Group.PROOFS, code=f"proof_{name}", severity=severity, subject=subject, found=found, wanted=wanted
     )
 
 
@@ -258,4 +259,4 @@ def names_of(machine: MachineProfile) -> tuple[str, ...]:
 
 def unproven(names: Iterable[str]) -> list[Check]:
     """Return what has not been proven yet."""
-    return [Check(group=Group.PROOFS, code=f"unproven_{name}", outcome=Outcome.NOTED) for name in names]
+    return [Check(group=Group.PROOFS, code=f"unproven_{name}", severity=Severity.NOTICE) for name in names]

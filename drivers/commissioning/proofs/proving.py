@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.commissioning.amounts import digits
-from drivers.commissioning.check import Check, Group, Outcome, worst
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, ProofBench, names_of, proof, unproven
 from drivers.commissioning.proofs.motion import pvt_rounding, source_delay
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
@@ -27,6 +27,7 @@ from drivers.lathe.stop import StopPath
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
+from profiles.findings import Severity, worst
 
 BEGIN_CYCLES = 4_000_000
 """Written into the timer: more than passes meanwhile."""
@@ -106,8 +107,8 @@ def prove(
     judged = verification.judged
     names = names_of(judged.machine)
     busy = verification.state.enabled or judged.configuration.tables or "gathering" in verification.state.card
-    if busy or worst(verification.checks) is Outcome.FAILS:
-        first = Check(group=Group.PROOFS, code="proofs_refused", outcome=Outcome.FAILS)
+    if busy or worst(verification.checks) is Severity.REFUSAL:
+        first = Check(group=Group.PROOFS, code="proofs_refused", severity=Severity.REFUSAL)
         return Proven(checks=(first, *unproven(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
@@ -141,7 +142,7 @@ def _stage(bench: ProofBench, proofs: Mapping[str, Proof]) -> list[Check]:
             found = str(error)
         else:
             continue
-        checks.append(Check(group=Group.PROOFS, code=f"proof_{name}", outcome=Outcome.FAILS, found=found))
+        checks.append(Check(group=Group.PROOFS, code=f"proof_{name}", severity=Severity.REFUSAL, found=found))
     return checks
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from drivers.commissioning.check import Check, Group, Outcome
+from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
 from drivers.commissioning.proofs.bench import REASON, ProofBench
 from drivers.commissioning.proofs.leased import TRIES, Leased
@@ -23,6 +23,7 @@ from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.proof import kept, withhold
 from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, rests
 from drivers.pmac.language.text import format_number
+from profiles.findings import Severity
 from profiles.problem import Problem
 
 QUESTION = "P0..99"
@@ -89,8 +90,8 @@ def prove_stops(bench: ProofBench) -> MeasuredStops:
     try:
         heartbeat.prepare()
     except RefusedError as refused:
-        found = "; ".join(str(problem) for problem in refused.problems)
-        failed = Check(group=Group.PROOFS, code="proof_lease", outcome=Outcome.FAILS, found=found, wanted="-")
+        found = "; ".join(problem.facts for problem in refused.problems)
+        failed = Check(group=Group.PROOFS, code="proof_lease", severity=Severity.REFUSAL, found=found, wanted="-")
         return MeasuredStops(checks=(failed,))
     (i10,) = bench.client.numbers(f"I{SERVO_PERIOD}", again=True)
     axes = Leased(bench=bench, i10=i10)
@@ -111,7 +112,7 @@ def _all(bench: ProofBench, axes: Leased, origins: tuple[Origin, ...]) -> Measur
     for way, origin in ((way, origin) for origin in origins for way in ORDER if (way, origin) in needed):
         seen = _measured(bench, axes, way, origin)
         checks += stop_checks(bench.judged, seen)
-        if any(check.outcome is Outcome.FAILS for check in checks):
+        if any(check.severity is Severity.REFUSAL for check in checks):
             break
         entries += stop_entries(bench.judged, seen)
         axes.close()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from drivers.commissioning.amounts import digits
-from drivers.commissioning.check import Check, Outcome
+from drivers.commissioning.check import Check
 from drivers.commissioning.proofs.bench import ProofBench, proof, unproven
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
 from drivers.pmac.compensation.table_text import definition_text
+from profiles.findings import Severity
 
 FLAT_COUNTS = 10.0
 ENTRY = 16
@@ -111,4 +112,4 @@ def _near(found: float, wanted: float) -> bool:
 
 def fails(checks: list[Check]) -> bool:
     """Whether one of them has failed: then nothing is moved for the others."""
-    return any(check.outcome is Outcome.FAILS for check in checks)
+    return any(check.severity is Severity.REFUSAL for check in checks)

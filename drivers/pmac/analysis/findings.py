@@ -6,19 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
 
+from profiles.findings import Severity
+
 Value = float | str
-
-
-class Level(StrEnum):
-    """How bad it is.
-
-    A fault: the controller refuses or stops it, or the machine is driven where it must not go. A warning: it runs
-    and does something else than it says. A notice: worth knowing.
-    """
-
-    FAULT = auto()
-    WARNING = auto()
-    NOTICE = auto()
 
 
 class Code(StrEnum):
@@ -82,11 +72,16 @@ class Said(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One thing found. `lines` are those of the file, from 1, none where it is about the whole program."""
+class ProgramFinding:
+    """One thing found in a program. No `Finding`: it has lines, and numbers without units for the JSON.
+
+    A refusal: the controller refuses or stops it, or the machine is driven where it must not go. A warning: it
+    runs and does something else than it says. A notice: worth knowing. `lines` are those of the file, from 1,
+    none where it is about the whole program.
+    """
 
     code: Code
-    level: Level
+    severity: Severity
     lines: tuple[int, ...] = ()
     values: Mapping[str, Value] = field(default_factory=dict)
 

@@ -5,23 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
 from drivers.pmac.analysis.subject import Subject
+from profiles.findings import Severity
 
 _ROUNDING = 1e-9
 
 
-def limit_findings(subject: Subject) -> list[Finding]:
+def limit_findings(subject: Subject) -> list[ProgramFinding]:
     """Return what goes beyond a limit; 0 in a variable is no limit."""
-    findings: list[Finding] = []
+    findings: list[ProgramFinding] = []
     for index, motor in enumerate(subject.walk.motors):
         findings += _position(subject, index, motor)
         findings += _velocity(subject, index, motor)
     return [*findings, *_tool(subject), *_spindle(subject), *_jaws(subject)]
 
 
-def _position(subject: Subject, index: int, motor: int) -> list[Finding]:
+def _position(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
     """Ix13 and Ix14, the software limits: the card stops everything there."""
     lowest, highest = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
     high, low = subject.setting(motor, 13), subject.setting(motor, 14)
@@ -39,7 +40,7 @@ def _position(subject: Subject, index: int, motor: int) -> list[Finding]:
     return findings
 
 
-def _velocity(subject: Subject, index: int, motor: int) -> list[Finding]:
+def _velocity(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
     """Ix16, which does not guard every mode."""
     limit = subject.setting(motor, 16)
     fast = [move for move in subject.moves if move.mode != "RAPID" and _over(_peak(move, index), limit)]
@@ -54,7 +55,7 @@ def _velocity(subject: Subject, index: int, motor: int) -> list[Finding]:
     return [_fault(subject, Code.TOO_FAST, fast, values)]
 
 
-def _tool(subject: Subject) -> list[Finding]:
+def _tool(subject: Subject) -> list[ProgramFinding]:
     if subject.tool is None:
         return []
     tool, index = subject.machine.tool, subject.tool
@@ -83,7 +84,7 @@ def _tool(subject: Subject) -> list[Finding]:
     ]
 
 
-def _spindle(subject: Subject) -> list[Finding]:
+def _spindle(subject: Subject) -> list[ProgramFinding]:
     if subject.spindle is None:
         return []
     spindle, index = subject.machine.spindle, subject.spindle
@@ -101,7 +102,7 @@ def _spindle(subject: Subject) -> list[Finding]:
     ]
 
 
-def _jaws(subject: Subject) -> list[Finding]:
+def _jaws(subject: Subject) -> list[ProgramFinding]:
     """The carriage with the tool on it stays clear of the jaws."""
     if subject.carriage is None:
         return []
@@ -111,7 +112,7 @@ def _jaws(subject: Subject) -> list[Finding]:
     return _travel(subject, subject.carriage, carriage.counts_per_mm, limits)
 
 
-def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float, float]) -> list[Finding]:
+def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float, float]) -> list[ProgramFinding]:
     """The iron's own ends, where the controller's limits do not come first."""
     findings = []
     ends = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
@@ -133,13 +134,13 @@ def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float,
 
 def _above(
     subject: Subject, index: int, code: Code, quantity: Callable[[MotorMove], float], limit: float
-) -> list[Finding]:
+) -> list[ProgramFinding]:
     high = [move for move in subject.moves if _over(quantity(move.motors[index]), limit)]
     if not high:
         return []
     worst = max(quantity(move.motors[index]) for move in high)
     values: dict[str, Value] = {"motor": subject.walk.motors[index], "value": worst, "limit": limit}
-    return [Finding(code=code, level=Level.WARNING, lines=subject.lines(high), values=values)]
+    return [ProgramFinding(code=code, severity=Severity.WARNING, lines=subject.lines(high), values=values)]
 
 
 def _peak(move: MoveAnalysis, index: int) -> float:
@@ -150,5 +151,5 @@ def _over(value: float, limit: float) -> bool:
     return 0.0 < limit < value * (1.0 - _ROUNDING)
 
 
-def _fault(subject: Subject, code: Code, found: list[MoveAnalysis], values: dict[str, Value]) -> Finding:
-    return Finding(code=code, level=Level.FAULT, lines=subject.lines(found), values=values)
+def _fault(subject: Subject, code: Code, found: list[MoveAnalysis], values: dict[str, Value]) -> ProgramFinding:
+    return ProgramFinding(code=code, severity=Severity.REFUSAL, lines=subject.lines(found), values=values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
 from drivers.pmac.analysis.step import SAME_COUNTS, Step
 from drivers.pmac.analysis.subject import Subject, moves
@@ -13,19 +13,20 @@ from drivers.pmac.analysis.walk import Ending
 from drivers.pmac.analysis.zigzag import ZigZag
 from drivers.pmac.dialect import Setting
 from drivers.pmac.requests import HomeRequest
+from profiles.findings import Severity
 
 KEPT_ENOUGH = 0.98
 """A stroke that keeps this share is not called lost."""
 
 
-def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[Finding]:
+def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
     """Return what is wrong with where the motors go."""
     findings = [*_lost_strokes(subject), *_one_sided(subject, zigzag), *_straight_circles(subject)]
     # Where a program ends is known when it was followed to its end.
     return [*findings, *_end(subject)] if subject.walk.ending is Ending.FINISHED else findings
 
 
-def _lost_strokes(subject: Subject) -> list[Finding]:
+def _lost_strokes(subject: Subject) -> list[ProgramFinding]:
     """Moves that turn round short of both their ends: for each way told, the way that is made most often."""
     grouped: dict[tuple[int, float], list[tuple[MoveAnalysis, MotorMove]]] = {}
     for before, move in pairwise(subject.moves):
@@ -41,7 +42,7 @@ def _lost_strokes(subject: Subject) -> list[Finding]:
     return findings
 
 
-def _lost(subject: Subject, index: int, stroke: float, made: float, found: list[MoveAnalysis]) -> Finding:
+def _lost(subject: Subject, index: int, stroke: float, made: float, found: list[MoveAnalysis]) -> ProgramFinding:
     motor = subject.walk.motors[index]
     made_length = shown_length(subject.machine, motor, made)
     values: dict[str, Value] = {
@@ -53,10 +54,12 @@ def _lost(subject: Subject, index: int, stroke: float, made: float, found: list[
         "kept_percent": 100.0 * made / stroke,
         "moves": len(found),
     }
-    return Finding(code=Code.STROKE_LOST, level=Level.WARNING, lines=subject.lines(found), values=values)
+    return ProgramFinding(
+        code=Code.STROKE_LOST, severity=Severity.WARNING, lines=subject.lines(found), values=values
+    )
 
 
-def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[Finding]:
+def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
     """A zig-zag that sets out from one of its ends: its middle is half a stroke off the place where it began."""
     if zigzag is None or zigzag.index != subject.tool:
         return []
@@ -66,10 +69,14 @@ def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[Finding]:
         "middle_counts": first.target - 0.5 * first.commanded,
         "deeper_um": subject.um(0.5 * first.commanded),
     }
-    return [Finding(code=Code.ONE_SIDED, level=Level.NOTICE, lines=subject.lines(zigzag.moves), values=values)]
+    return [
+        ProgramFinding(
+            code=Code.ONE_SIDED, severity=Severity.NOTICE, lines=subject.lines(zigzag.moves), values=values
+        )
+    ]
 
 
-def _straight_circles(subject: Subject) -> list[Finding]:
+def _straight_circles(subject: Subject) -> list[ProgramFinding]:
     """Arcs that are made as LINEAR moves, because nothing cuts them into segments."""
     steps = subject.walk.steps
     found = [move for move in subject.moves if move.mode == "CIRCLE" and steps[move.step].segment_ms <= 0.0]
@@ -77,10 +84,14 @@ def _straight_circles(subject: Subject) -> list[Finding]:
         return []
     variable = f"I{subject.walk.variables.dialect.index(Setting.SEGMENT_MS)}"
     values: dict[str, Value] = {"moves": len(found), "variable": variable}
-    return [Finding(code=Code.CIRCLE_STRAIGHT, level=Level.WARNING, lines=subject.lines(found), values=values)]
+    return [
+        ProgramFinding(
+            code=Code.CIRCLE_STRAIGHT, severity=Severity.WARNING, lines=subject.lines(found), values=values
+        )
+    ]
 
 
-def _end(subject: Subject) -> list[Finding]:
+def _end(subject: Subject) -> list[ProgramFinding]:
     """The tool's last move: positive is infeed, and behind the cut the way can only be out."""
     tool = subject.tool
     if tool is None:
@@ -88,7 +99,7 @@ def _end(subject: Subject) -> list[Finding]:
     return _plunge(subject, tool) or _left_deeper(subject, tool)
 
 
-def _plunge(subject: Subject, tool: int) -> list[Finding]:
+def _plunge(subject: Subject, tool: int) -> list[ProgramFinding]:
     told = [move for move in subject.moves if moves(move, tool)]
     if not subject.cut or told[-1].number <= subject.cut[-1].number:
         return []
@@ -103,10 +114,12 @@ def _plunge(subject: Subject, tool: int) -> list[Finding]:
         "mm": motor.commanded / per_mm,
         "deeper_mm": (motor.target - deepest) / per_mm,
     }
-    return [Finding(code=Code.PLUNGE, level=Level.FAULT, lines=subject.lines([last]), values=values)]
+    return [
+        ProgramFinding(code=Code.PLUNGE, severity=Severity.REFUSAL, lines=subject.lines([last]), values=values)
+    ]
 
 
-def _left_deeper(subject: Subject, tool: int) -> list[Finding]:
+def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
     """The tool stands further in than it did: at the end of the motion, whatever took it there."""
     walk = subject.walk
     deeper = walk.steps[-1].at[tool] - walk.start[tool]
@@ -117,7 +130,7 @@ def _left_deeper(subject: Subject, tool: int) -> list[Finding]:
     last = walk.steps[max(told + homed)]
     lines = (subject.place_of(last.program, last.line),)
     values = {"counts": deeper, "mm": deeper / subject.machine.tool.counts_per_mm}
-    return [Finding(code=Code.ENDS_DEEPER, level=Level.NOTICE, lines=lines, values=values)]
+    return [ProgramFinding(code=Code.ENDS_DEEPER, severity=Severity.NOTICE, lines=lines, values=values)]
 
 
 def _homes(step: Step, motor: int) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from drivers.pmac.analysis.explanation import explain
-from drivers.pmac.analysis.findings import Code, Finding, Level, Sentence, Value
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value
 from drivers.pmac.analysis.limits import limit_findings
 from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
 from drivers.pmac.analysis.path import path_findings
@@ -24,56 +24,56 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
+from profiles.findings import Severity, worst
 from profiles.machine import MachineProfile
 
 
-def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Finding]:
+def flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
     """Return what a program does that it does not say, and what of it the card does not even take."""
     walk = subject.walk
     findings = [_refused(line) for line in refused]
     if walk.error is not None:
         place = subject.place_of(walk.steps[-1].program, walk.steps[-1].line)
         values: dict[str, Value] = {"error": str(walk.error), "number": int(walk.error.code)}
-        findings.append(Finding(code=Code.RUN_TIME_ERROR, level=Level.FAULT, lines=(place,), values=values))
+        findings.append(
+            ProgramFinding(code=Code.RUN_TIME_ERROR, severity=Severity.REFUSAL, lines=(place,), values=values)
+        )
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
         long: dict[str, Value] = {"steps": len(walk.steps)}
-        findings.append(Finding(code=Code.TOO_LONG, level=Level.NOTICE, values=long))
+        findings.append(ProgramFinding(code=Code.TOO_LONG, severity=Severity.NOTICE, values=long))
     if not subject.moves:
-        findings.append(Finding(code=Code.NO_MOTION, level=Level.NOTICE))
+        findings.append(ProgramFinding(code=Code.NO_MOTION, severity=Severity.NOTICE))
     return findings
 
 
-def _refused(line: RefusedLine) -> Finding:
+def _refused(line: RefusedLine) -> ProgramFinding:
     values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
     if isinstance(line.error, TableOrderError):
         values |= {"motor": line.error.motor, "lower": line.error.lower}
-        return Finding(code=Code.TABLE_ORDER, level=Level.FAULT, lines=(line.place,), values=values)
-    return Finding(code=Code.LINE_REFUSED, level=Level.FAULT, lines=(line.place,), values=values)
+        return ProgramFinding(code=Code.TABLE_ORDER, severity=Severity.REFUSAL, lines=(line.place,), values=values)
+    return ProgramFinding(code=Code.LINE_REFUSED, severity=Severity.REFUSAL, lines=(line.place,), values=values)
 
 
-def _endless(subject: Subject, left: Left) -> Finding:
+def _endless(subject: Subject, left: Left) -> ProgramFinding:
     """A loop that moves is a cut without an end; one that does not is a wait for somebody."""
     loop = left.circle.loop
     first, last = (loop.first, loop.last) if loop is not None else (left.line, left.line)
     here = (subject.place_of(subject.walk.number, first),)
     values: dict[str, Value] = {"passes": _passes(subject, left), "repeats": left.circle.period is not None}
     if not left.flags:
-        return Finding(code=Code.ENDLESS_WITHOUT_FLAG, level=Level.WARNING, lines=here, values=values)
+        return ProgramFinding(code=Code.ENDLESS_WITHOUT_FLAG, severity=Severity.WARNING, lines=here, values=values)
     values |= {"flags": ", ".join(f"{kind}{index}={value:g}" for (kind, index), value in left.flags.items())}
     moving = any(first <= subject.walk.steps[move.step].main_line <= last for move in subject.moves)
     if moving:
-        return Finding(code=Code.ENDLESS_LOOP, level=Level.WARNING, lines=here, values=values)
-    return Finding(code=Code.WAITS_FOR_FLAG, level=Level.NOTICE, lines=here, values=values)
+        return ProgramFinding(code=Code.ENDLESS_LOOP, severity=Severity.WARNING, lines=here, values=values)
+    return ProgramFinding(code=Code.WAITS_FOR_FLAG, severity=Severity.NOTICE, lines=here, values=values)
 
 
 def _passes(subject: Subject, left: Left) -> int:
     """Return how often the program came by: the pass in which the flag is set is made to its end, too."""
     steps = subject.walk.steps[: left.step + 1]
     return sum(step.place == steps[-1].place for step in steps)
-
-
-_ORDER = list(Level)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +89,13 @@ class ProgramCheck:
     moves: tuple[MoveAnalysis, ...]
     places: tuple[int, ...]
     duration_ms: float
-    findings: tuple[Finding, ...]
+    findings: tuple[ProgramFinding, ...]
     explanation: tuple[Sentence, ...]
 
     @property
-    def worst(self) -> Level | None:
-        """The worst level that was found."""
-        return self.findings[0].level if self.findings else None
+    def worst(self) -> Severity:
+        """The worst severity that was found."""
+        return worst(self.findings)
 
 
 def check_program(
@@ -135,7 +135,7 @@ def check_program(
         moves=subject.moves,
         places=tuple(_place(read, move.program, move.line) for move in subject.moves),
         duration_ms=subject.timeline.ends_ms,
-        findings=tuple(sorted(findings, key=lambda finding: _ORDER.index(finding.level))),
+        findings=tuple(sorted(findings, key=lambda finding: finding.severity.rank, reverse=True)),
         explanation=explain(subject, zigzag),
     )
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drivers.pmac.analysis.drift import lobes_of
-from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
 from drivers.pmac.analysis.moves import MoveAnalysis
 from drivers.pmac.analysis.step import Step
 from drivers.pmac.analysis.subject import Subject, moves
 from drivers.pmac.requests import BlendBreak, DwellRequest, Halt
+from profiles.findings import Severity
 
 DRIFT_DEG = 1e-3
 """Drift in a turn from which it is told: a degree in a thousand turns."""
@@ -27,14 +28,14 @@ _WHOLE = 0.25
 """A path whose lobes are further than this from a whole number does not drift: it does not fit the turn."""
 
 
-def synchronism_findings(subject: Subject) -> list[Finding]:
+def synchronism_findings(subject: Subject) -> list[ProgramFinding]:
     """Return what comes between tool and spindle in the cut."""
     if not subject.cut:
         return []
     return [*_stops(subject), *_feedrate(subject), *_speed(subject), *_drift(subject)]
 
 
-def _stops(subject: Subject) -> list[Finding]:
+def _stops(subject: Subject) -> list[ProgramFinding]:
     """DWELL, or a blend that breaks, between the first and the last move of the cut."""
     inside = subject.walk.steps[subject.cut[0].step : subject.cut[-1].step]
     found = [
@@ -42,9 +43,9 @@ def _stops(subject: Subject) -> list[Finding]:
         (Code.STOP_IN_CUT, [step for step in inside if isinstance(step.request, BlendBreak | Halt)]),
     ]
     return [
-        Finding(
+        ProgramFinding(
             code=code,
-            level=Level.WARNING,
+            severity=Severity.WARNING,
             lines=_lines(subject, steps),
             values={"stops": len(steps), "ms": sum(step.ends_ms - step.begins_ms for step in steps)},
         )
@@ -57,17 +58,17 @@ def _lines(subject: Subject, steps: Sequence[Step]) -> tuple[int, ...]:
     return tuple(sorted({subject.place_of(step.program, step.line) for step in steps}))
 
 
-def _feedrate(subject: Subject) -> list[Finding]:
+def _feedrate(subject: Subject) -> list[ProgramFinding]:
     by_feed = [move for move in subject.cut if move.mode in ("LINEAR", "CIRCLE") and not move.by_move_time]
     if not by_feed:
         return []
     times = [move.asked.tm_ms for move in by_feed]
     values: dict[str, Value] = {"moves": len(by_feed), "least_ms": min(times), "most_ms": max(times)}
     lines = subject.lines(by_feed)
-    return [Finding(code=Code.FEEDRATE_IN_CUT, level=Level.WARNING, lines=lines, values=values)]
+    return [ProgramFinding(code=Code.FEEDRATE_IN_CUT, severity=Severity.WARNING, lines=lines, values=values)]
 
 
-def _speed(subject: Subject) -> list[Finding]:
+def _speed(subject: Subject) -> list[ProgramFinding]:
     """The spindle must turn evenly while the tool moves; the first and the last such move do not count."""
     assert subject.tool is not None
     together = [move for move in subject.cut if moves(move, subject.tool)][1:-1]
@@ -80,7 +81,9 @@ def _speed(subject: Subject) -> list[Finding]:
     usual = sorted(rpm for rpm, _ in speeds)[len(speeds) // 2]
     odd = [move for rpm, move in speeds if abs(rpm - usual) > SPEED_TOLERANCE * abs(usual)]
     values: dict[str, Value] = {"slowest_rpm": slowest, "fastest_rpm": fastest, "usual_rpm": usual}
-    return [Finding(code=Code.SPEED_CHANGES, level=Level.WARNING, lines=subject.lines(odd), values=values)]
+    return [
+        ProgramFinding(code=Code.SPEED_CHANGES, severity=Severity.WARNING, lines=subject.lines(odd), values=values)
+    ]
 
 
 def _speed_rpm(subject: Subject, move: MoveAnalysis) -> float:
@@ -88,7 +91,7 @@ def _speed_rpm(subject: Subject, move: MoveAnalysis) -> float:
     return subject.rpm(move.motors[subject.spindle].commanded / move.used.tm_ms)
 
 
-def _drift(subject: Subject) -> list[Finding]:
+def _drift(subject: Subject) -> list[ProgramFinding]:
     lobes = lobes_of(subject)
     if lobes is None:
         return []
@@ -96,7 +99,7 @@ def _drift(subject: Subject) -> list[Finding]:
     per_turn = round(lobes.per_turn)
     if not per_turn or abs(lobes.per_turn - per_turn) > _WHOLE:
         values: dict[str, Value] = {"lobes": lobes.per_turn}
-        return [Finding(code=Code.NO_WHOLE_LOBES, level=Level.WARNING, lines=lines, values=values)]
+        return [ProgramFinding(code=Code.NO_WHOLE_LOBES, severity=Severity.WARNING, lines=lines, values=values)]
     # One turn later the tool is where it was when the spindle has made the way of `per_turn` lobes.
     drift_deg = 360.0 * (per_turn / lobes.per_turn - 1.0)
     if abs(drift_deg) < DRIFT_DEG:
@@ -109,4 +112,4 @@ def _drift(subject: Subject) -> list[Finding]:
         "useless_after_turns": turns,
         "useless_after_s": 60.0 * turns / abs(lobes.speed_rpm),
     }
-    return [Finding(code=Code.DRIFT, level=Level.WARNING, lines=lines, values=values)]
+    return [ProgramFinding(code=Code.DRIFT, severity=Severity.WARNING, lines=lines, values=values)]

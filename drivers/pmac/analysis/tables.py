@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
 from drivers.pmac.analysis.step import SAME_COUNTS, Step
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.units import shown_length, unit_of
@@ -26,6 +26,7 @@ from drivers.pmac.language.syntax import Assign, VariableKind
 from drivers.pmac.program_tables import TextTable
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.requests import CircleRequest, HomeRequest, LinearRequest, PvtRequest, SplineRequest
+from profiles.findings import Severity
 
 MOST_SWITCHES = 200
 """Changes of I51 that are looked at: each may cost a walk through the whole of every table."""
@@ -46,9 +47,9 @@ class _Switching:
     place: int
 
 
-def table_findings(subject: Subject, text: ProgramText) -> list[Finding]:
+def table_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
     """Return what is wrong with the tables of a text, and how far they throw what they move."""
-    findings: list[Finding] = []
+    findings: list[ProgramFinding] = []
     complete: list[CompensationTable] = []
     for sent in text.tables:
         table = sent.table
@@ -63,19 +64,21 @@ def table_findings(subject: Subject, text: ProgramText) -> list[Finding]:
     return findings
 
 
-def _unfilled(sent: TextTable) -> Finding:
+def _unfilled(sent: TextTable) -> ProgramFinding:
     wanted = sent.definition.entry_count
     values: dict[str, Value] = {"motor": sent.definition.motor, "entries": len(sent.entries), "wanted": wanted}
-    return Finding(code=Code.TABLE_UNFILLED, level=Level.WARNING, lines=(sent.place,), values=values)
+    return ProgramFinding(code=Code.TABLE_UNFILLED, severity=Severity.WARNING, lines=(sent.place,), values=values)
 
 
-def _last_entry(subject: Subject, sent: TextTable) -> Finding:
+def _last_entry(subject: Subject, sent: TextTable) -> ProgramFinding:
     """A correction that is not zero at the source's zero, where the manuals say that it is."""
     target = sent.definition.target
     counts = sent.entries[-1] / PARTS_PER_COUNT
     values: dict[str, Value] = {"motor": sent.definition.motor, "target": target, "entry": sent.entries[-1]}
     values |= {"counts": counts, **shown_length(subject.machine, target, counts)}
-    return Finding(code=Code.TABLE_LAST_ENTRY, level=Level.WARNING, lines=(sent.last_place,), values=values)
+    return ProgramFinding(
+        code=Code.TABLE_LAST_ENTRY, severity=Severity.WARNING, lines=(sent.last_place,), values=values
+    )
 
 
 def _switchings(subject: Subject, text: ProgramText) -> list[_Switching]:
@@ -106,7 +109,7 @@ def _setting_place(subject: Subject, text: ProgramText) -> int:
 
 def _throws(
     subject: Subject, tables: Sequence[CompensationTable], switchings: Iterable[_Switching]
-) -> list[Finding]:
+) -> list[ProgramFinding]:
     """Return, for each target and line, the greatest throw."""
     moved = _moved(subject)
     held: Mapping[int, _Range] = {}
@@ -134,11 +137,11 @@ def _throws(
     ]
 
 
-def _throw(subject: Subject, target: int, place: int, counts: float) -> Finding:
+def _throw(subject: Subject, target: int, place: int, counts: float) -> ProgramFinding:
     known = unit_of(subject.machine, target) is not None
     code = Code.TABLE_THROWS if known else Code.TABLE_THROWS_OTHER
     values: dict[str, Value] = {"motor": target, "counts": counts, **shown_length(subject.machine, target, counts)}
-    return Finding(code=code, level=Level.WARNING, lines=(place,), values=values)
+    return ProgramFinding(code=code, severity=Severity.WARNING, lines=(place,), values=values)
 
 
 def _whereabouts(subject: Subject, motor: int, step: int, moved: frozenset[int]) -> Whereabouts:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from drivers.pmac.analysis.findings import Code, Finding, Level, Value
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Value
 from drivers.pmac.analysis.moves import MoveAnalysis
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.language.errors import PmacError
@@ -14,11 +14,12 @@ from drivers.pmac.language.syntax import Set
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.variables import VariableStore
+from profiles.findings import Severity
 
 _RAMPED = ("LINEAR", "CIRCLE")
 
 
-def timing_findings(subject: Subject) -> list[Finding]:
+def timing_findings(subject: Subject) -> list[ProgramFinding]:
     """Return the findings about times, alike ones of several lines as one."""
     grouped: dict[str, tuple[Code, dict[str, Value], list[MoveAnalysis]]] = {}
     for move in subject.moves:
@@ -27,9 +28,9 @@ def timing_findings(subject: Subject) -> list[Finding]:
                 _, _, alike = grouped.setdefault(_key(code, values), (code, values, []))
                 alike.append(move)
     return [
-        Finding(
+        ProgramFinding(
             code=code,
-            level=_LEVELS.get(code, Level.NOTICE),
+            severity=_LEVELS.get(code, Severity.NOTICE),
             lines=subject.lines(moves),
             values={**values, "moves": len(moves)},
         )
@@ -38,10 +39,10 @@ def timing_findings(subject: Subject) -> list[Finding]:
 
 
 _LEVELS = {
-    Code.STRETCHED: Level.WARNING,
-    Code.STRETCHED_BY_VELOCITY: Level.WARNING,
-    Code.STRETCHED_BY_ACCELERATION: Level.WARNING,
-    Code.TIME_BELOW_INTERRUPT: Level.WARNING,
+    Code.STRETCHED: Severity.WARNING,
+    Code.STRETCHED_BY_VELOCITY: Severity.WARNING,
+    Code.STRETCHED_BY_ACCELERATION: Severity.WARNING,
+    Code.TIME_BELOW_INTERRUPT: Severity.WARNING,
 }
 
 
@@ -88,7 +89,7 @@ def _longer(one_ms: float, other_ms: float) -> bool:
     return one_ms > other_ms * (1.0 + 1e-9)
 
 
-def rounding_findings(subject: Subject, text: ProgramText) -> list[Finding]:
+def rounding_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
     """Return a finding for each such word; an expression is taken with what its variables are at the end."""
     findings = []
     programs = {text.number: text.program, **text.subprograms}
@@ -102,8 +103,8 @@ def rounding_findings(subject: Subject, text: ProgramText) -> list[Finding]:
     return findings
 
 
-def _finding(place: int, values: dict[str, Value]) -> Finding:
-    return Finding(code=Code.TIME_ROUNDED, level=Level.NOTICE, lines=(place,), values=values)
+def _finding(place: int, values: dict[str, Value]) -> ProgramFinding:
+    return ProgramFinding(code=Code.TIME_ROUNDED, severity=Severity.NOTICE, lines=(place,), values=values)
 
 
 def _rounded(subject: Subject, word: Set) -> dict[str, Value]:

@@ -54,11 +54,6 @@ def refuse_deletion(motor: int, tables: Collection[int], buffers: Collection[str
         _refuse_behind(motor, tables, buffers)
 
 
-def definition_order(motors: Collection[int]) -> list[int]:
-    """Return in which order tables of these motors are defined; they are deleted the other way round."""
-    return sorted(motors, reverse=True)
-
-
 def _refuse_behind(motor: int, tables: Collection[int], buffers: Collection[str]) -> None:
     lower = sorted(other for other in tables if other < motor)
     if lower:

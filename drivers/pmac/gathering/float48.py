@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 
-BITS = 48
-
 _EXPONENT_BITS = 12
 _EXPONENT_OFFSET = 2047
 _FRACTION_BITS = 35

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from fractions import Fraction
 
-from drivers.pmac.master.following import COUNT_PARTS, parts_of
+from drivers.pmac.master.following import COUNT_PARTS
 from drivers.pmac.memory import WORD_BITS
 from drivers.pmac.settings import I10_PER_MS
 
@@ -30,31 +30,6 @@ _SCALE = 2**17
 
 _UNITS_PER_PART = UNITS_PER_MS // (_SCALE * COUNT_PARTS)
 _UNITS_PER_COUNT = UNITS_PER_MS // _SCALE
-
-
-class ScaleFactorError(ValueError):
-    """No whole scale factor belongs to a real-time input frequency."""
-
-
-def scale_factor(real_time_counts_per_ms: float | Fraction) -> int:
-    """Return 131072 / RTIF.
-
-    Raises:
-        ScaleFactorError: it is no whole number from 1 to 8388607; the nearest frequencies with one are told.
-    """
-    # The decimal that was written, not its nearest binary fraction: 163.84 is 800 exactly.
-    wanted = Fraction(str(real_time_counts_per_ms))
-    if wanted <= 0:
-        raise ScaleFactorError(f"RTIF {real_time_counts_per_ms} counts/ms; above 0")
-    factor = _SCALE / wanted
-    if factor.denominator == 1 and factor <= WIDEST_UNITS:
-        return int(factor)
-    below = min(max(1, int(factor)), WIDEST_UNITS - 1)
-    nearest = " or ".join(f"{float(Fraction(_SCALE, whole)):.10g}" for whole in (below, below + 1))
-    raise ScaleFactorError(
-        f"RTIF {real_time_counts_per_ms} counts/ms: scale factor {float(factor):.6g} is no whole number from 1 to"
-        f" {WIDEST_UNITS}; the nearest RTIF are {nearest}"
-    )
 
 
 def nearest_factor(counts_per_ms: float) -> int:
@@ -79,20 +54,6 @@ def increment_units(factor: int, master_parts: int) -> int:
     return _saturated(_UNITS_PER_PART * factor * master_parts)
 
 
-def increment_ms(factor: int, master_counts: float) -> float:
-    """Return the trajectory time of a servo cycle, ms; of the master's counts only whole 1/32 are seen.
-
-    From cycle to cycle take `increment_units` of the change of `parts_of` the position: what is below 1/32 count
-    in one cycle then counts in a later one.
-    """
-    return increment_units(factor, parts_of(master_counts)) / UNITS_PER_MS
-
-
-def slewed(present_units: int, wanted_units: int, slew_units: int) -> int:
-    """Return the time base of the next servo cycle: at most Ix94 from the present one. What is cut off is lost."""
-    return present_units + max(-slew_units, min(slew_units, wanted_units - present_units))
-
-
 class Trigger(IntEnum):
     """The three states of a triggered time base: the method digit of its entry in the conversion table."""
 
@@ -114,14 +75,6 @@ class TriggeredTimeBase:
     state: Trigger
     factor: int
     counts: int = 0
-
-    def set_state(self, method: int) -> TriggeredTimeBase:
-        """Return the entry after a program has written $90, $A0 or $B0, the upper byte of the entry.
-
-        Raises:
-            ValueError: another method, which makes it another kind of entry.
-        """
-        return replace(self, state=Trigger(method >> 4))
 
     def step(self, counts: int, captured: int | None = None) -> tuple[TriggeredTimeBase, int]:
         """Go on by a servo cycle, at whose end the master is at `counts`; return the time of it, 2^-23 ms, too.

@@ -35,9 +35,6 @@ LEAST_ROW_MM = 0.5
 INSIDE_MM = 0.2
 """How far in front of the last row of zeros the carriage stands for the switching."""
 
-BYTES_A_SECOND = 3840.0
-"""Of a serial line with 38400 baud, ten bits a byte."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cam:

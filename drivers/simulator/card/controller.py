@@ -117,11 +117,6 @@ class Controller:
         return self.host.host_messages
 
     @property
-    def plc_enabled(self) -> frozenset[int]:
-        """The PLCs that are switched on."""
-        return self.plcs.switches.enabled
-
-    @property
     def any_program_running(self) -> bool:
         """Whether a coordinate system runs a program."""
         return any(system.running for system in self._all_systems)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from drivers.pmac.axes import scan_definition
 from drivers.pmac.compensation.table_text import read_table, table_lines
@@ -20,8 +20,8 @@ from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
 from drivers.pmac.language.text import format_line, format_plc_line
 from drivers.pmac.memory import scan_pointer
 from drivers.simulator.card.program_buffer import Password, PlcBuffer, ProgramBuffer
-from profiles import own_values
 from profiles.files import printable, read_regular_file, write_atomically
+from profiles.own_values import from_json, read_own
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from drivers.simulator.card.plc_programs import PlcPrograms
     from drivers.simulator.card.table_memory import TableMemory
 
+SCHEMA = 1
+UNREADABLE = "file.unreadable"
 CAP_BYTES = 4_000_000
 """Above anything that a card has room for; read, it takes some twenty times as much."""
 
@@ -52,9 +54,10 @@ class SavedState:
     axes: Texts
     programs: Texts
     plcs: Texts
-    tables: Texts
-    conversion: Mapping[str, int]
     password: str
+    # Files of cards that knew none of these have none.
+    tables: Texts = field(default_factory=dict)
+    conversion: Mapping[str, int] = field(default_factory=dict)
 
 
 class Memories(Protocol):
@@ -88,7 +91,7 @@ class Flash:
         """
         state = _taken(controller)
         if self._path is not None:
-            content = json.dumps(asdict(state), indent=1).encode("ascii")
+            content = json.dumps({"schema": SCHEMA, **asdict(state)}, indent=1).encode("ascii")
             write_atomically(self._path, content, overwrite=True)
         self._state = state
 
@@ -96,19 +99,22 @@ class Flash:
         """Bring back what an earlier process has saved, if there is such a file.
 
         Raises:
-            ProfileError: `file.unreadable`, it is not ours, or of another family of controllers.
+            ProfileError: `file.unreadable`, it is not ours, or of another family of controllers;
+                `schema.unsupported`.
         """
         if self._path is None or not self._path.exists():
             return
-        content = read_regular_file(self._path, cap_bytes=CAP_BYTES)
+        content, where = read_regular_file(self._path, cap_bytes=CAP_BYTES), printable(str(self._path))
         try:
-            state = _read(own_values.from_json(content))
+            table = from_json(content)
+            if isinstance(table, dict):
+                table.setdefault("schema", SCHEMA)  # the first files had none
+            state = read_own(SavedState, table, schema=SCHEMA, code=UNREADABLE, where=where, judge=_judge)
             if state.family != controller.dialect.name:
                 raise ValueError(f"saved by a controller of the family {state.family}")
             _put_back(state, controller)
-        except (ValueError, TypeError, KeyError, AttributeError, PmacError) as error:
-            where, reason = printable(str(self._path)), printable(str(error))
-            raise ProfileError(Problem(code="file.unreadable", where=where, value=reason)) from error
+        except (ValueError, KeyError, PmacError) as error:
+            raise ProfileError(Problem(code=UNREADABLE, where=where, value=printable(str(error)))) from error
         self._state = state
 
     def restore(self, controller: Memories) -> None:
@@ -144,23 +150,11 @@ def _texts(listings: Mapping[int, Iterable[str]]) -> Texts:
     return {str(number): tuple(lines) for number, lines in sorted(listings.items())}
 
 
-def _read(table: Mapping[str, Any]) -> SavedState:
-    return SavedState(
-        family=own_values.text(table["family"]),
-        settings={str(int(index)): own_values.number(value) for index, value in table["settings"].items()},
-        pointers={str(int(index)): own_values.text(pointer) for index, pointer in table["pointers"].items()},
-        axes=_lists(table["axes"]),
-        programs=_lists(table["programs"]),
-        plcs=_lists(table["plcs"]),
-        # Files of cards that knew none of these have none.
-        tables=_lists(table.get("tables", {})),
-        conversion={str(int(line)): own_values.whole(word) for line, word in table.get("conversion", {}).items()},
-        password=own_values.text(table["password"]),
-    )
-
-
-def _lists(table: Mapping[str, Any]) -> Texts:
-    return {str(int(place)): tuple(map(own_values.text, lines)) for place, lines in table.items()}
+def _judge(state: SavedState) -> None:
+    """Refuse numbers of variables, systems and programs that are none."""
+    for numbered in asdict(state).values():
+        if isinstance(numbered, Mapping):
+            _ = [int(number) for number in numbered]
 
 
 def _put_back(state: SavedState, controller: Memories) -> None:

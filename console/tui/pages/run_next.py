@@ -1,0 +1,113 @@
+"""What the page Run is about, and the word for what comes next."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from console.session.stages import Stage
+from console.session.station.jogging import tool_in_part
+from console.session.station.progress import CutProgress, CutStage
+from console.session.station.state import Activity, StationState
+from console.tui.desk import View
+from console.tui.pages.run_lines import checks, is_over
+from console.tui.theme import Token
+from profiles.machine import MachineProfile
+
+ENDED = (CutStage.DONE, CutStage.HELD)
+LEFT_STAGES = frozenset({CutStage.CUT, CutStage.RETRACT})
+"""Stages in which the tool is in the part, or on its way out; a cut that ended in one of them was left."""
+
+
+class Phase(Enum):
+    """What the page is about."""
+
+    BEFORE = auto()
+    CUTTING = auto()
+    ENDED = auto()
+    STOPPED = auto()
+    LOST = auto()
+
+
+def phase_of(state: StationState) -> Phase:
+    """Return what the page is about in this state."""
+    if state.activity is Activity.LOST:
+        return Phase.LOST
+    if state.stop is not None:
+        return Phase.STOPPED
+    if state.cut is None or state.armed is not None:
+        return Phase.BEFORE
+    if state.cut.stage in ENDED:
+        return Phase.ENDED
+    return Phase.CUTTING if state.activity in (Activity.POSITIONING, Activity.CUTTING) else Phase.BEFORE
+
+
+def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
+    """Return the word of the sentence that says what comes next, and how it is shown."""
+    state = view.state
+    phase = phase_of(state)
+    if phase is Phase.STOPPED:
+        proven = state.stop is not None and state.stop.rest_s is not None
+        return "stopped" if proven else "stopping", Token.ACTION
+    if phase is Phase.CUTTING and state.cut is not None:
+        return _stage_word(state.cut), Token.STRONG
+    if state.armed is not None:
+        return "armed", Token.ACTION
+    if state.activity is not Activity.READY:
+        return "wait", Token.DIM
+    if phase is Phase.ENDED and is_over(state):
+        return _over_word(state), Token.ACTION
+    if _left(state) and (inside := in_part(state, machine)) is not False:
+        closed = state.snapshot is not None and state.snapshot.loops_closed
+        held = "retract" if inside else "retract_unknown"
+        return (held if closed else "switch_on"), Token.ACTION
+    return _missing_word(view, machine), Token.ACTION
+
+
+def in_part(state: StationState, machine: MachineProfile) -> bool | None:
+    """Whether the tool stands in or at the part that is clamped, None where that is not known."""
+    if state.snapshot is None:
+        return None
+    return tool_in_part(state.snapshot, machine, state.alignment)
+
+
+def _missing_word(view: View, machine: MachineProfile) -> str:
+    if view.work is None:
+        return "no_job"
+    found = checks(view.state, view.work, machine)
+    failed = [check.name for check in found if check.problems]
+    if not failed:
+        if view.state.touched is not None:
+            return "arm_again"
+        return "arm_air" if _done_in_air(view.state) and view.work.stage == Stage.AIR else "arm"
+    return {"job": "set_up", "learned": "choose"}.get(failed[0], "align")
+
+
+def _left(state: StationState) -> bool:
+    """Whether a cut was left while the tool was in the part that is clamped, or on its way out."""
+    return state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
+
+
+def _done_in_air(state: StationState) -> bool:
+    """Whether the cut in air has been done, after which the blank is still there."""
+    return state.cut is not None and state.cut.in_air and state.cut.stage is CutStage.DONE
+
+
+def _over_word(state: StationState) -> str:
+    """Return the word of what comes after a cut that has been cut to its end."""
+    if not state.cut_done:
+        return "measured"
+    return "measure" if state.simulated else "take_out"
+
+
+def _stage_word(cut: CutProgress) -> str:
+    match cut.stage:
+        case CutStage.POSITION:
+            return "positioning"
+        case CutStage.RETRACT:
+            return "retracting"
+        case _ if cut.holding:
+            return "holding"
+        case CutStage.RUN_UP:
+            return "run_up"
+        case _:
+            return "cutting"

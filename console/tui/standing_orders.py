@@ -1,0 +1,50 @@
+"""The orders of every page: recover after a stop, take control, acknowledge alarms."""
+
+from __future__ import annotations
+
+from console.tui.desk import Desk
+from profiles.problem import Problem
+
+TAKE_OVER_WITHIN_S = 5.0
+"""How soon the key that takes a machine over has to be pressed again."""
+
+
+class StandingOrders:
+    """What may be ordered from any page. Intents are loaded when one is: not for the first paint."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._asked_over_s = float("-inf")
+
+    def recover(self) -> None:
+        """Recover, where there was a stop or the machine was lost."""
+        from console.session.station.intents import Recover
+
+        state = self._desk.control.state
+        if state.stop is not None or (state.snapshot is not None and state.snapshot.lost):
+            self._desk.control.post(Recover())
+
+    def take_over(self) -> None:
+        """Take control from another console; asked for twice, because somebody works there."""
+        from console.session.station.intents import TakeOver
+
+        desk = self._desk
+        if desk.control.state.controls:
+            desk.said = (Problem(code="screen.controls_already"),)
+        elif desk.control.now_s() - self._asked_over_s > TAKE_OVER_WITHIN_S:
+            self._asked_over_s = desk.control.now_s()
+            code = "screen.take_over_again" if desk.control.state.holder else "screen.take_control_again"
+            desk.said = (Problem(code=code, limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
+        else:
+            self._asked_over_s = float("-inf")
+            desk.control.post(TakeOver())
+
+    def acknowledge(self, *, all_of_them: bool) -> None:
+        """The operator has seen what is shown: the alarm in the row, or all of them in the list of messages."""
+        from console.session.station.alarms import foremost
+        from console.session.station.intents import Acknowledge
+
+        alarms = self._desk.control.state.alarms
+        front = foremost(alarms)
+        listed = alarms if all_of_them or front is None else (front,)
+        self._desk.control.post(Acknowledge(shown=tuple(alarm.problem for alarm in listed)))

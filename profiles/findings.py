@@ -1,0 +1,50 @@
+"""What a judgement comes to: one scale of severity, and one type for a judged condition with its problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from profiles.problem import Problem
+
+
+class Severity(StrEnum):
+    """A refusal stops the work, warning and notice are for the operator's eyes, ok is a condition that holds."""
+
+    OK = "ok"
+    NOTICE = "notice"
+    WARNING = "warning"
+    REFUSAL = "refusal"
+
+    @property
+    def rank(self) -> int:
+        """Its place on the scale: the higher, the worse."""
+        return list(Severity).index(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """The outcome of one rule; the problem carries the numbers also where the rule holds."""
+
+    severity: Severity
+    problem: Problem
+
+
+class Judged(Protocol):
+    """Anything with a severity."""
+
+    @property
+    def severity(self) -> Severity:
+        """How bad it is."""
+
+
+def worst(judged: Iterable[Judged]) -> Severity:
+    """Return the worst severity; nothing judged is ok."""
+    return max((each.severity for each in judged), key=lambda each: each.rank, default=Severity.OK)
+
+
+def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings that stop the work."""
+    return tuple(finding for finding in findings if finding.severity is Severity.REFUSAL)

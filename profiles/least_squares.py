@@ -1,0 +1,136 @@
+"""Weighted least squares of harmonics and trends, with one convention for what is known of the coefficients.
+
+Model of M samples y_i with standard deviations in known ratios, W = diag(1 / sigma_i^2):
+
+    y = X b + e,    b = (X' W X)^-1 X' W y,    s^2 = e' W e / (M - k)
+
+After F. R. Helmert, `cofactors` are (X' W X)^-1 and the `covariance` is s^2 times these: nothing else is called a
+covariance in this project. A harmonic of order n is p cos(n angle) + q sin(n angle) = Re{c exp(j n angle)} with
+the complex coefficient c = p - j q; its phase, the angle of its maximum, is atan2(q, p) / n.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+HUBER = 1.345
+"""Residuals in standard deviations from which Huber's weights fall: 95 % efficient for white noise."""
+
+SIGMA_OF_MEDIAN = 1.4826
+"""Standard deviation over the median of the absolute residuals, for white noise."""
+
+_HUBER_ROUNDS = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """Coefficients b, shape (k,), with their cofactors (k, k) and the residuals y - X b, shape (M,).
+
+    `variance` is s^2 with `freedom` = M - k degrees of freedom, infinite where that is 0. `condition` is the ratio
+    of the largest singular value of W^(1/2) X to the smallest. Columns that depend on others get the smallest
+    coefficients that fit.
+    """
+
+    coefficients: Floats
+    cofactors: Floats
+    residuals: Floats
+    variance: float
+    freedom: int
+    condition: float
+
+    @property
+    def covariance(self) -> Floats:
+        """The covariance of the coefficients, shape (k, k)."""
+        return self.variance * self.cofactors
+
+    @property
+    def residual_sd(self) -> float:
+        """The standard deviation s of a sample of weight 1."""
+        return math.sqrt(self.variance)
+
+    def sd_along(self, direction: Floats) -> float:
+        """Return the standard deviation of the sum of the coefficients times `direction`, shape (k,)."""
+        return math.sqrt(self.variance * max(float(direction @ self.cofactors @ direction), 0.0))
+
+
+def harmonic_columns(angle_rad: Floats, orders: Sequence[int], *trends: Floats) -> Floats:
+    """Return the columns 1, each of `trends` (M,), then cosine and sine of each order; shape (M, k)."""
+    columns = [np.ones_like(angle_rad), *trends]
+    for order in orders:
+        columns += [np.cos(order * angle_rad), np.sin(order * angle_rad)]
+    return np.stack(columns, axis=1)
+
+
+def harmonic_slice(place: int, trends: int = 0) -> slice:
+    """Return where cosine and sine of the order at `place` stand among the coefficients of `harmonic_columns`."""
+    first = 1 + trends + 2 * place
+    return slice(first, first + 2)
+
+
+def phasors(coefficients: Floats, orders: Sequence[int], trends: int = 0) -> dict[int, complex]:
+    """Return the complex coefficients of a fit of `harmonic_columns`, by order."""
+    pairs = coefficients[1 + trends :].reshape(-1, 2)
+    return {order: complex(p, -q) for order, (p, q) in zip(orders, pairs, strict=True)}
+
+
+def fit(columns: Floats, values: Floats, root_weight: Floats | None = None) -> Fit:
+    """Fit M values by k columns, shapes (M,) and (M, k); `root_weight` (M,) is 1 / sigma, 1 without it."""
+    root = np.ones_like(values) if root_weight is None else root_weight
+    weighed, wanted = columns * root[:, None], values * root
+    known, condition = _solved(weighed)
+    coefficients = known @ (weighed.T @ wanted)
+    coefficients += known @ (weighed.T @ (wanted - weighed @ coefficients))  # once more for the last digits
+    residuals = values - columns @ coefficients
+    freedom = len(values) - columns.shape[1]
+    squares = float(np.sum((root * residuals) ** 2))
+    return Fit(
+        coefficients=coefficients,
+        cofactors=known,
+        residuals=residuals,
+        variance=squares / freedom if freedom > 0 else math.inf,
+        freedom=freedom,
+        condition=condition,
+    )
+
+
+def cofactors(columns: Floats) -> Floats:
+    """Return (X' X)^-1 of columns (M, k) that carry their weights already; shape (k, k)."""
+    return _solved(columns)[0]
+
+
+def huber_distances(columns: Floats, values: Floats, root_weight: Floats, least: float, settled: float) -> Floats:
+    """Return the distance of each value from a fit with Huber's weights, in robust standard deviations.
+
+    Residuals up to `least` are rounding; weights that change by up to `settled` are settled.
+    """
+    huber = np.ones_like(values)
+    distance = np.zeros_like(values)
+    for _ in range(_HUBER_ROUNDS):
+        size = np.abs(fit(columns, values, root_weight * np.sqrt(huber)).residuals) * root_weight
+        sigma = max(SIGMA_OF_MEDIAN * float(np.median(size)), least)
+        if sigma == 0.0:
+            break
+        distance = size / sigma
+        before, huber = huber, HUBER / np.maximum(distance, HUBER)
+        if np.abs(huber - before).max() <= settled:
+            break
+    return distance
+
+
+def _solved(columns: Floats) -> tuple[Floats, float]:
+    """Return cofactors and condition, by the normal equations: ten times as fast as by singular values.
+
+    A direction that is only rounding, which has an infinite condition, is left out.
+    """
+    squares, directions = np.linalg.eigh(columns.T @ columns)
+    least = np.finfo(np.float64).eps * squares.size * squares[-1]
+    inverse = np.divide(1.0, squares, out=np.zeros_like(squares), where=squares > least)
+    condition = math.sqrt(squares[-1] * inverse[0]) if inverse[0] else math.inf
+    return np.asarray((directions * inverse) @ directions.T, dtype=np.float64), condition

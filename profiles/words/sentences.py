@@ -1,0 +1,110 @@
+"""Problems as sentences: the console says them in the language of its operator, errors in English."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Protocol
+
+LANGUAGES = ("en", "ko")
+NAMES_A_KEY = ("key.", "value.", "schema.", "safety.not_signed", "safety.unknown", "safety.nobody_named")
+"""Problems, by the beginning of their code, whose key is that of a file: it is written as in the file."""
+
+
+class _Facts(Protocol):
+    """A problem, which reads its words here."""
+
+    @property
+    def code(self) -> str: ...
+    @property
+    def where(self) -> str: ...
+    @property
+    def key(self) -> str: ...
+    @property
+    def value(self) -> str: ...
+    @property
+    def limit(self) -> str: ...
+    @property
+    def facts(self) -> str: ...
+
+
+class Sentences:
+    """The words of one language. A key that is missing shows itself: better an ugly line than none."""
+
+    def __init__(self, entries: Mapping[str, str]) -> None:
+        self._entries = entries
+
+    def __call__(self, key: str, /, **fields: object) -> str:
+        """Return the sentence of `key` with its fields filled in."""
+        entry = self._entries.get(key)
+        if entry is None:
+            return " ".join([key, *(f"{name}={value}" for name, value in fields.items())])
+        return entry.format(**fields)
+
+    def problem(self, problem: _Facts) -> str:
+        """Return one line that names what, where, value, limit and remedy."""
+        key = f"problem.{problem.code}.{problem.key}"
+        if key not in self._entries:
+            key = f"problem.{problem.code}"
+        if key not in self._entries:
+            return " ".join(problem.facts.split())
+        # A field without bounds says nothing of what is allowed.
+        unbounded = "any number" if problem.code.startswith(("key.", "value.")) else ""
+        of_a_stop = problem.code == "machine.stopped"
+        value = self.reason(problem.value) if of_a_stop else self.words(problem.value)
+        name = problem.key if problem.code.startswith(NAMES_A_KEY) else self.words(problem.key)
+        limit = self.words(problem.limit or unbounded)
+        sentence = self(key, key=name, value=value, limit=limit, where=problem.where)
+        shown = f"{problem.where}: {sentence}" if problem.where and problem.where not in sentence else sentence
+        return " ".join(shown.split())
+
+    def reason(self, reason: str) -> str:
+        """Return for what the machine was stopped: a key, a fault, a motion that did not end, a signal.
+
+        The code of a problem says that its alarm tells more.
+        """
+        kind, _, key = reason.partition(" ")
+        if key and f"stop_reason.{kind}_key" in self._entries:
+            return self(f"stop_reason.{kind}_key", key=key)
+        said = self._entries.get(f"stop_reason.{reason}")
+        if said is None and f"problem.{reason}" in self._entries:
+            said = self._entries["stop_reason.alarm"]
+        return said or self.words(reason)
+
+    def words(self, fact: str) -> str:
+        """Return the wording of a fact in this language, such as "not a regular file"; else the fact.
+
+        Of facts with commas between each is worded, and of "tool: amplifier_fault" both sides of the colon.
+        """
+        whole = self._entries.get(f"word.{fact}")
+        if whole is not None:
+            return whole
+        return ", ".join(self._pair(each) for each in fact.split(", "))
+
+    def _pair(self, fact: str) -> str:
+        head, colon, tail = fact.partition(": ")
+        if f"word.{head}" not in self._entries:
+            return fact
+        return self._entries[f"word.{head}"] + colon + self._entries.get(f"word.{tail}", tail)
+
+
+@cache
+def words_of(language: str) -> Mapping[str, str]:
+    """Return the words of a language in `LANGUAGES`: all files of its folder, each key in one of them."""
+    return entries_in(Path(__file__).parent / language)
+
+
+def entries_in(folder: Path) -> dict[str, str]:
+    """Return all entries of the catalogues in a folder."""
+    entries: dict[str, str] = {}
+    for path in sorted(folder.glob("*.toml")):
+        entries |= tomllib.loads(path.read_text(encoding="utf-8"))
+    return entries
+
+
+@cache
+def english() -> Sentences:
+    """Return the words in which errors speak by themselves."""
+    return Sentences(words_of("en"))
