@@ -13,7 +13,6 @@ import sys
 
 TYPE_CHECKING = False  # that of `typing` would be the slowest import of this file
 if TYPE_CHECKING:
-    from argparse import Namespace
     from collections.abc import Sequence
 
     from console.text.catalogue import Catalogue
@@ -23,25 +22,6 @@ OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF
 SCREEN = "console.tui.start"
 PLOTTED = {"reproduce": "console.tui.plot.paper_figures"}
 """What draws a command with `--plot`: only the screens know how."""
-
-COMMANDS = (
-    "jobs",
-    "preview",
-    "predict",
-    "program",
-    "check-program",
-    "run",
-    "simulator",
-    "fault",
-    "roundness",
-    "controller",
-    "doctor",
-    "identify",
-    "calibrate",
-    "learn",
-    "reproduce",
-)
-MODULES = {name: f"console.cli.{name.replace('-', '_')}" for name in COMMANDS}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,7 +60,10 @@ def _run(words: list[str], text: Catalogue) -> int:
 
 
 def _dispatch(words: list[str], text: Catalogue) -> int:
-    from console.cli.parser import build
+    from importlib import import_module
+
+    from console.cli.arguments import contradiction
+    from console.cli.commands import COMMANDS, build
 
     parser = build(text)
     options = parser.parse_args(words)
@@ -88,23 +71,13 @@ def _dispatch(words: list[str], text: Catalogue) -> int:
         return _version(options.json)
     if options.command is None and not (options.sim or options.link or options.machine):
         parser.print_help()
-        print(f"console: {text('usage.no_command', limit=' | '.join(MODULES))}", file=sys.stderr)
+        print(f"console: {text('usage.no_command', limit=' | '.join(COMMANDS))}", file=sys.stderr)
         return WRONG_USAGE
-    from importlib import import_module
-
-    from drivers.cutting.strategy import TAKING_TS
-
-    module = import_module(SCREEN if options.command is None else _module(options.command, options))
-    if options.sim and options.link:
-        parser.error(text("usage.sim_with_link"))
-    if getattr(options, "ts", None) is not None and options.strategy not in TAKING_TS:
-        parser.error(text("usage.ts_without_paper", limit=" | ".join(TAKING_TS)))
-    code: int = module.main(options, text)
+    if sentence := contradiction(options, text):
+        parser.error(sentence)
+    modules = PLOTTED if getattr(options, "plot", False) else COMMANDS
+    code: int = import_module(modules.get(options.command, SCREEN)).main(options, text)
     return code
-
-
-def _module(command: str, options: Namespace) -> str:
-    return (PLOTTED if getattr(options, "plot", False) else MODULES)[command]
 
 
 def _version(as_json: bool) -> int:

@@ -2,6 +2,9 @@
 
 Data alone. The settings of the controller are carried as a mapping from variable name to value and are not
 interpreted here, except that a safety limit of 0 is refused because 0 switches that limit off.
+
+Who has signed for the safety devices is told with the machine that it was for: a signature for the simulator opens
+no real machine.
 """
 
 from __future__ import annotations
@@ -23,6 +26,18 @@ from profiles.machine_fields import (
 from profiles.problem import Problem, ProfileError
 
 _AXES = ("tool", "spindle", "carriage")
+
+SAFETY_DEVICES = (
+    "emergency_stop",
+    "safe_torque_off",
+    "guard",
+    "enabling_device",
+    "chuck_closed",
+    "key_removed",
+    "spindle_permit",
+)
+
+MACHINE, SIMULATOR = SIGNED_FOR
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,17 +222,6 @@ class Safety:
         return {name: getattr(self, name) for name in SAFETY_DEVICES}
 
 
-SAFETY_DEVICES = (
-    "emergency_stop",
-    "safe_torque_off",
-    "guard",
-    "enabling_device",
-    "chuck_closed",
-    "key_removed",
-    "spindle_permit",
-)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineProfile:
     """One lathe. `assumed` names the dotted keys ("tool.home_radius_mm") that no source or sheet gives.
@@ -336,9 +340,6 @@ def _half_a_wrench(chuck: Mapping[str, Any], where: str) -> list[Problem]:
     if chuck.get("force_offset_n") is None or chuck.get(slope) is not None:
         return []
     return [Problem(code="key.missing", where=where, key=f"chuck.{slope}", limit="force_offset_n")]
-
-
-MACHINE, SIMULATOR = SIGNED_FOR
 
 
 def is_signature(signed_by: str) -> bool:

@@ -1,4 +1,7 @@
-"""The keys of a machine profile with their limits, section by section, and the controller's settings."""
+"""The keys of a machine profile with their limits, section by section, and the controller's settings.
+
+A spindle on an inverter has keys of its own, and may not have others: the controller reads it and never moves it.
+"""
 
 from __future__ import annotations
 
@@ -40,9 +43,24 @@ _REQUIRED_GLOBALS = ("I10", "I15")
 _VARIABLE = re.compile(r"I(0|[1-9]\d{0,3})")
 _VARIABLE_FIELD = Field(key="", at_least=-(2.0**47), at_most=2.0**47)
 
-
 LEAST_SHARE = 1e-8
 """A value above 0 is at least this share of its most: smaller ones are a wrong unit, and break quotients."""
+
+_MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
+
+TOP_FIELDS: tuple[Field, ...] = (
+    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
+    Field(key="name", kind=Kind.TEXT),
+    Field(key="source", kind=Kind.TEXT, default=""),
+    Field(key="assumed", kind=Kind.TEXTS, default=()),
+    Field(key="link", kind=Kind.TEXT, default=""),
+)
+
+OPTIONAL_SECTIONS = frozenset({"heartbeat", "safety"})
+"""Sections that a profile may do without: every key of them has a default."""
+
+_OF_INVERTER = ("ramp_rpm_per_s", "slip_rpm")
+_DEFINED_MOTOR = re.compile(r"\s*#\s*(\d+)\s*->\s*(?!0\s*$)", re.ASCII)
 
 
 def _positive(key: str, unit: str, at_most: float) -> Field:
@@ -61,19 +79,6 @@ def _travel(key: str) -> Field:
 def _fitted(key: str) -> Field:
     return Field(key=key, kind=Kind.CHOICE, choices=FITTED, default="unknown")
 
-
-_MOTOR = Field(key="motor", kind=Kind.WHOLE, at_least=1, at_most=8)
-
-TOP_FIELDS: tuple[Field, ...] = (
-    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
-    Field(key="name", kind=Kind.TEXT),
-    Field(key="source", kind=Kind.TEXT, default=""),
-    Field(key="assumed", kind=Kind.TEXTS, default=()),
-    Field(key="link", kind=Kind.TEXT, default=""),
-)
-
-OPTIONAL_SECTIONS = frozenset({"heartbeat", "safety"})
-"""Sections that a profile may do without: every key of them has a default."""
 
 SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
@@ -206,10 +211,6 @@ def read_assumed(assumed: Sequence[str], *, where: str) -> list[Problem]:
         for name in assumed
         if name not in known and not _VARIABLE.fullmatch(name.removeprefix("controller.variables."))
     ]
-
-
-_OF_INVERTER = ("ramp_rpm_per_s", "slip_rpm")
-_DEFINED_MOTOR = re.compile(r"\s*#\s*(\d+)\s*->\s*(?!0\s*$)", re.ASCII)
 
 
 def inverter_problems(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> list[Problem]:

@@ -7,8 +7,9 @@ spaces, quoted cells, a byte order mark, UTF-16 with one and any kind of line en
 as people name them, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or blanks,
 and numbers then have a decimal comma. Deviations may be in mm or nm, angles may be left out where the header says
 that they are equal, run from -180 to 180 or over several turns where it says so, and points may be x and y in the
-plane, each once. Files of one profile at equal steps are taken as one closed turn: SDF, SMD, PRF and X3P. Anything
-else is refused with its line, all problems (up to a cap) at once. A cause that spoils every line is told once.
+plane, each once. Files of one profile at equal steps (`profiles.trace_files.formats`) are taken as a closed turn.
+Anything else is refused with its line, all problems (up to a cap) at once. A cause that spoils every line is told
+once.
 
 Problem codes: those of `profiles.trace_files`, `trace.unreadable`, `trace.too_large`; for writing `file.exists`
 and `file.not_writable`.
@@ -30,11 +31,9 @@ from profiles.metrology.geometric import geometric_circle, polar
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.closed import ClosedProfile
 from profiles.trace_files.decoded import decoded
+from profiles.trace_files.formats import OF_BYTES, OF_TEXT, recognised
 from profiles.trace_files.limits import lines_of
-from profiles.trace_files.records import PRF, SMD, read_prf, read_smd
-from profiles.trace_files.sdf import VERSION, read_sdf
 from profiles.trace_files.table import PLAIN_HEADER, PROBLEM_CAP, TableReader
-from profiles.trace_files.x3p import MAGIC, read_x3p
 
 CAP_BYTES = 20_000_000
 """Forty bytes for each of the most points."""
@@ -63,12 +62,11 @@ def read_trace(path: Path) -> Trace:
 
 def parse_trace(content: bytes, *, where: str = "") -> Trace:
     """Return the trace in the bytes of a file; `where` names them in the problems."""
-    if content.startswith(MAGIC):
-        return _from_profile(read_x3p(content, where))
+    if binary := recognised(content, OF_BYTES):
+        return _from_profile(binary.read(content, where))
     text = decoded(content, where)
-    for mark, read in ((VERSION, read_sdf), (SMD, read_smd), (PRF, read_prf)):
-        if mark.match(text):
-            return _from_profile(read(text, where))
+    if textual := recognised(text, OF_TEXT):
+        return _from_profile(textual.read(text, where))
     reader = TableReader(where)
     for number, line_text in enumerate(lines_of(text, where), start=1):
         stripped = line_text.strip(" \t")

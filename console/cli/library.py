@@ -1,4 +1,4 @@
-"""Opening what the arguments name: the job, the machine and the data folder."""
+"""Opening what the arguments name: the data folder, the job and the machine, real or simulated."""
 
 from __future__ import annotations
 
@@ -6,32 +6,21 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from console.cli.arguments import DEFAULT_PLANT
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.data.kept_files import data_folder, jobs_folder, machines_folder
-from profiles.machine import iron_problems
-from profiles.problem import ProfileError
-from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
-
-if TYPE_CHECKING:
-    from drivers.link.address import LinkAddress
-    from profiles.machine import MachineProfile
-
-
-import sys
-from typing import TYPE_CHECKING
-
-from console.cli.parser import DEFAULT_PLANT
 from console.session.errors import SessionError
-from console.text.catalogue import Catalogue
-from drivers.link.address import SimulatedAddress
-from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
+from profiles.machine import MachineProfile, iron_problems
+from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
 if TYPE_CHECKING:
     from drivers.simulator.plant.true_parameters import TrueParameters
 
-
 DEFAULT_MACHINE = "lee-2001-lathe"
+OF_A_SIMULATION = ("plant", "seed", "clamping_sd")
+"""The options that say how a simulated lathe really is."""
 
 
 def data_of(options: Namespace) -> Path:
@@ -65,7 +54,7 @@ def machine_of(options: Namespace) -> LoadedMachine:
         LinkError: `link.bad_address`.
     """
     loaded = profile_of(options)
-    if is_real(address_told(options, loaded)):
+    if is_real(link_address(options, loaded)):
         refuse_unsigned(loaded.machine)
     return loaded
 
@@ -79,22 +68,18 @@ def judged_of(options: Namespace) -> CalibratedMachine:
     return calibrated(profile_of(options), data_of(options))
 
 
-def address_told(options: Namespace, machine: LoadedMachine) -> LinkAddress:
+def link_address(options: Namespace, machine: LoadedMachine) -> LinkAddress:
     """Return where the machine is: as --link says, or its profile; a simulated one where neither does.
 
     Raises:
         LinkError: `link.bad_address`.
     """
-    from drivers.link.address import SimulatedAddress, parse_address
-
     told = options.link or machine.machine.link
     return parse_address(told) if told and not options.sim else SimulatedAddress()
 
 
 def is_real(address: LinkAddress) -> bool:
     """Whether the console has to take what is there for iron."""
-    from drivers.link.address import SimulatedAddress
-
     return not isinstance(address, SimulatedAddress)
 
 
@@ -108,42 +93,18 @@ def refuse_unsigned(machine: MachineProfile) -> None:
         raise ProfileError(*problems)
 
 
-def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalogue, command: str) -> bool:
-    """Return whether the machine may be moved: with --yes, simulated, or when somebody has typed its name.
-
-    `command` is the word behind `console`; what it is about to move is said by `agreement.ask.<command>`.
-    """
-    if options.yes or simulated:
-        return True
-    if not sys.stdin.isatty():
-        print(f"console {command}: {text('agreement.nobody_to_ask')}", file=sys.stderr)
-        return False
-    print(text(f"agreement.ask.{command}", machine=machine_name), end="", file=sys.stderr, flush=True)
-    try:
-        typed = sys.stdin.readline().strip()
-    except UnicodeDecodeError:  # no name in the encoding that the terminal is said to have
-        typed = ""
-    if typed == machine_name:
-        return True
-    print(f"console {command}: {text('agreement.not_typed')}", file=sys.stderr)
-    return False
-
-
-ASKED_FOR = ("plant", "seed", "clamping_sd")
-
-
-def anything_told(options: Namespace) -> bool:
+def plant_given(options: Namespace) -> bool:
     """Whether the command line says anything of a simulated lathe."""
-    return any(getattr(options, name) is not None for name in ASKED_FOR)
+    return any(getattr(options, name) is not None for name in OF_A_SIMULATION)
 
 
-def simulation_told(options: Namespace, machine: MachineProfile) -> SimulatedAddress | None:
+def simulated_address(options: Namespace, machine: MachineProfile) -> SimulatedAddress | None:
     """Return the lathe behind the screens that --plant, --seed and --clamping-sd ask for, None where nothing does.
 
     Raises:
         ProfileError: no such plant, or its file cannot be used.
     """
-    if not anything_told(options):
+    if not plant_given(options):
         return None
     plant, sd_percent = options.plant or SimulatedAddress().plant, options.clamping_sd or 0.0
     from drivers.simulator.plant.presets import plant_named
@@ -152,7 +113,7 @@ def simulation_told(options: Namespace, machine: MachineProfile) -> SimulatedAdd
     return SimulatedAddress(plant=plant, seed=options.seed, clamping_sd_percent=sd_percent)
 
 
-def iron_told(options: Namespace, machine: MachineProfile) -> TrueParameters | None:
+def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParameters | None:
     """Return the iron that a command without screens cuts on, None where nothing is said of it.
 
     Nobody aligns it, so that a plant has to be set up as profile and job say: `ideal` where none is named.
@@ -161,7 +122,7 @@ def iron_told(options: Namespace, machine: MachineProfile) -> TrueParameters | N
         SessionError: `session.nobody_aligns`, the plant `mounted`.
         ProfileError: no such plant, or its file cannot be used.
     """
-    if not anything_told(options):
+    if not plant_given(options):
         return None
     from drivers.simulator.plant.presets import MOUNTED, plant_named
 

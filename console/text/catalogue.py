@@ -35,5 +35,5 @@ def choose_language(arguments: Sequence[str], environment: Mapping[str, str]) ->
     for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
         value = environment.get(name, "")
         if value:
-            return "ko" if value.startswith("ko") else "en"
+            return next((each for each in LANGUAGES if value.startswith(each)), "en")
     return "en"

@@ -48,15 +48,6 @@ MESSAGES = -1
 SETTLED_S = 1.0
 """So long after the last order it is known whether something moves by it: by a look that is no older."""
 
-PAGE_CLASSES = {
-    PageName.JOBS: ("console.tui.pages.jobs", "JobsPage"),
-    PageName.SETUP: ("console.tui.pages.setup", "SetupPage"),
-    PageName.PREVIEW: ("console.tui.pages.preview", "PreviewPage"),
-    PageName.ALIGN: ("console.tui.pages.align", "AlignPage"),
-    PageName.RUN: ("console.tui.pages.run", "RunPage"),
-    PageName.INSPECT: ("console.tui.pages.inspect", "InspectPage"),
-}
-
 
 class ConsoleApp(App[None]):
     """The console of one machine.
@@ -288,8 +279,8 @@ class ConsoleApp(App[None]):
 
     def _made(self, name: PageName) -> Page:
         if name not in self._pages:
-            module, class_name = PAGE_CLASSES[name]
-            self._pages[name] = getattr(import_module(module), class_name)(self.desk)
+            page = getattr(import_module(f"console.tui.pages.{name}"), f"{name.capitalize()}Page")
+            self._pages[name] = page(self.desk)
         return self._pages[name]
 
     def _show_frame(self, page: Page, view: View) -> None:

@@ -1,4 +1,4 @@
-"""The first decision about every key: is it a stop, does it write into a field, or does it belong to the page?
+"""The first decision about every key: a stop, a character of a field, or a key of the page; held keys beside it.
 
 Pure, and asked twice: in the thread that reads the terminal, which stops the machine without waiting for the
 screen, and in the application, which does the rest.
@@ -16,6 +16,7 @@ NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
 LISTS = ("help", "messages")
 """What a list in the place of the page is opened with, also in the middle of a number."""
+
 UNREADABLE, PASTED = "unreadable", "paste"
 """The keys of whatever the terminal said that is no key: bound to nothing, so that they stop what moves."""
 
@@ -23,6 +24,9 @@ WRITTEN = {"pageup": "PgUp", "pagedown": "PgDn"}
 """Keys that are written otherwise than Textual names them."""
 
 HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
+
+REPEAT_S = 0.8
+"""Presses of one key that come sooner than this are the terminal's repeats of a key that is held."""
 
 
 class FieldKind(Enum):
@@ -167,10 +171,6 @@ def _writes(key: str, character: str | None, field: FieldKind) -> bool:
     if field is FieldKind.NUMBER:
         return character in NUMBER_CHARACTERS
     return character is not None and character.isprintable()
-
-
-REPEAT_S = 0.8
-"""Presses of one key that come sooner than this are the terminal's repeats of a key that is held."""
 
 
 class HeldKeys:

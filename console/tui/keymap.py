@@ -1,4 +1,4 @@
-"""Every key of the program, once: what it does, where, and whether it can move the machine.
+"""Every key of the program, once: what it does, where, and whether it can move the machine; and the lists of `?`.
 
 A key is bound by its Textual name ("f5", "up") or, where it writes something, by its character, so that a Hangul
 layout works as well: a letter has the jamo of the same place beside it. Nothing that moves is on a letter or
@@ -14,9 +14,20 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fitted, line, wrapped
 from console.tui.theme import Token
 
+STOP_KEYS = ("space", "escape", "f12")
+"""Space and F12 anywhere but in free text, where it is F12; Escape second: a terminal may lose it.
+
+Escape closes the list of keys where one is open and nothing moves.
+"""
+
+KILL_KEYS = ("f9",)
+
+KEY_WIDTH = 8
+LISTS = 2
+
 
 class PageName(StrEnum):
-    """The pages in their order; the digit of a page is its place."""
+    """The pages in their order; the digit of a page is its place. `console.tui.pages.run` has the `RunPage`."""
 
     JOBS = "jobs"
     SETUP = "setup"
@@ -51,14 +62,6 @@ class Action:
     once: bool = False
     stops: Stops = Stops.NOTHING
 
-
-STOP_KEYS = ("space", "escape", "f12")
-"""Space and F12 anywhere but in free text, where it is F12; Escape second: a terminal may lose it.
-
-Escape closes the list of keys where one is open and nothing moves.
-"""
-
-KILL_KEYS = ("f9",)
 
 CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
 
@@ -163,10 +166,6 @@ def action_of(key: str, character: str | None, page: PageName) -> Action | None:
 def actions_of(page: PageName) -> tuple[Action, ...]:
     """Return the actions of one page alone."""
     return tuple(action for action in ACTIONS if action.page is page)
-
-
-KEY_WIDTH = 8
-LISTS = 2
 
 
 def help_lines(text: Catalogue, page: PageName, number: int, width: int) -> list[Line]:

@@ -1,4 +1,7 @@
-"""Lines of text as values: pieces with tokens, set into columns by cells (a Hangul syllable is two)."""
+"""Lines of text as values, set into columns by cells, and the panel that repaints only those that changed.
+
+A line is pieces with tokens; a Hangul syllable is two cells.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,8 @@ Line = tuple[Piece, ...]
 BLANK: Line = ()
 NOTHING = "–"
 """Stands where there is no value, or none that may be judged."""
+
+_EMPTY: Piece = (" ", Token.TEXT)
 
 
 def line(*pieces: str | Piece) -> Line:
@@ -146,9 +151,6 @@ def changed(before: Line, after: Line) -> tuple[int, int]:
     new += [_EMPTY] * (length - len(new))
     places = [place for place in range(length) if old[place] != new[place]]
     return (start + places[0], start + places[-1] + 1) if places else (0, 0)
-
-
-_EMPTY: Piece = (" ", Token.TEXT)
 
 
 def _cells(pieces: Line) -> list[Piece]:

@@ -1,7 +1,8 @@
 """Computing the preview of the job in hand: its outlook at once, its programs beside the screen, one by one.
 
 The screen asks at every tick. What it is given are objects that nobody changes any more; what the two threads
-share are the newest question, the fault of one, and the programs that were made, each in a place of its own.
+share are the newest question, the fault of one, and the programs that were made, each in a place of its own. The
+path that the job is cut with is the same object while nothing of it is changed.
 """
 
 from __future__ import annotations
@@ -26,12 +27,10 @@ if TYPE_CHECKING:
     from profiles.compensations.learned import ExpectedPart
     from profiles.compensations.path import CutPath
 
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from profiles.compensations.path import CutPath
-
 
 PROGRAMS_KEPT = 60
 """Those of a dozen jobs: what an operator steps back and forth between."""

@@ -13,12 +13,12 @@ from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
 
-from console.cli.library import data_of, machine_of, simulation_told
+from console.cli.library import data_of, machine_of, simulated_address
 from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.errors import SessionError
 from console.session.signals import ENDING_SIGNALS
 from console.session.station.link_thread import LinkThread, Opened
-from console.session.station.reaching import address_of
+from console.session.station.whereabouts import address_of
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
@@ -64,7 +64,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     address = address_of(machine.machine, options.link, simulated=options.sim)
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"console {machine.machine.name}")
     simulated = isinstance(address, SimulatedAddress)
-    told = simulation_told(options, machine.machine)
+    told = simulated_address(options, machine.machine)
     if told is not None and not simulated:
         print(f"console: {text('usage.plant_without_sim')}", file=sys.stderr)
         return WRONG_USAGE

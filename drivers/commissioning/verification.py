@@ -1,4 +1,7 @@
-"""Everything that is verified before the first motion, in one go. Nothing is written and nothing moves."""
+"""Everything that is verified before the first motion, in one go. Nothing is written and nothing moves.
+
+The safety devices are checked as the profile says they are fitted, as far as the controller sees them.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,11 @@
-"""The motion of a program with what a compensation table adds to it: what the loop of the target is told.
+"""The motion of a program as its loops are told it: with a compensation table, and beside a spindle of its own.
 
 The card works the table out in every servo cycle; here the correction is put into cubics that are short against a
 lobe. A source of a higher number than the target is seen as it was one servo cycle before. That the table is on is
 taken for granted: a cam is switched where it adds nothing.
+
+A spindle that is not an axis of the program turns evenly, and is put beside the other motors. Where it is the
+clock of the program, the times of the program are stretched to what they take at the speed of the cut.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What is said of a planned cut before it is made: codes `cut.*`; refusals stop it, warnings are told."""
+"""What is said of a planned cut before it is made: codes `cut.*`; refusals stop it, warnings are told.
+
+The steady cut is what lies between the moves that lead into it and out of it; its speed and stroke are judged.
+"""
 
 from __future__ import annotations
 

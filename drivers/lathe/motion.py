@@ -1,4 +1,4 @@
-"""Waiting for the end of what moves: looks in a row, the lease kept, and every way in which it may end."""
+"""Waiting for the end of what moves, however it ends; and how far an axis may go, and goes on."""
 
 from __future__ import annotations
 
@@ -29,6 +29,9 @@ WAY_HOME_S = 10.0
 
 JOG_POLL_S = 0.05
 """Time between two looks at an axis on its way."""
+
+LINK_LATENCY_MS = 50.0
+"""What a stop may take from the key to the controller."""
 
 
 class Motion:
@@ -199,10 +202,6 @@ class Motion:
             if watch is not None:
                 watch(snapshot)
             self._clock.wait(CUT_POLL_S)
-
-
-LINK_LATENCY_MS = 50.0
-"""What a stop may take from the key to the controller."""
 
 
 def refuse_beyond_travel(machine: MachineProfile, axis: AxisName, motor: int, counts: float) -> None:

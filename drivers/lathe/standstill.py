@@ -1,4 +1,4 @@
-"""The proof that a machine rests after a stop: the stop goes out again until the controller says so."""
+"""The proof that a machine rests: after a stop, and where an axis was sent."""
 
 from __future__ import annotations
 
@@ -18,6 +18,15 @@ STOP_REPEAT_S = 0.2
 LOOKS_AT_REST = 3
 REST_BAND_COUNTS = 1.0
 """Rest is so many looks in a row, between which no axis has gone further than this."""
+
+ARRIVED_COUNTS = 2.0
+"""How far from its target a jog may be commanded to rest; positions are told in tenths of a count."""
+
+SETTLE_S = 15.0
+"""How long an axis that rests near its target is given to be in position: thrice the servo's time constant."""
+
+REST_S = 2.0
+"""The same where nothing depends on it."""
 
 
 def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[], None]) -> Snapshot:
@@ -75,17 +84,6 @@ def _look(looks: Looks) -> Snapshot | None:
         if error.problems[0].code in GONE:
             raise
         return None
-
-
-ARRIVED_COUNTS = 2.0
-"""How far from its target a jog may be commanded to rest; positions are told in tenths of a count."""
-
-
-SETTLE_S = 15.0
-"""How long an axis that rests near its target is given to be in position: thrice the servo's time constant."""
-
-REST_S = 2.0
-"""The same where nothing depends on it."""
 
 
 class Settling:

@@ -1,8 +1,13 @@
 """From the lobe of a job to the motion of the tool: Eqs 4, 6 to 8, 10 and 11 for any number of jaws.
 
-Angles are spindle angles in degrees. Motion and depth are in um, positive into the workpiece. Deviations of
-the released part are positive where it is high. The rule does not ask where the lobe comes from: the tool
-moves in where the finished part would stand high.
+Angles are spindle angles in degrees. Motion and depth are in um, positive into the workpiece. Deviations of the
+released part are positive where it is high. The rule does not ask where the lobe comes from: the tool moves in
+where the finished part would stand high.
+
+A first part with a compensation nobody has tried gets a share of it, from which sign and angle can be judged. A
+lobe E that is compensated by the share s leaves E |1 - s c|, with c = 1 where the tool does what it was meant to
+do. With half of it a wrong sign (c = -1) leaves 3/2 E, and one that is off by d degrees of spindle leaves
+E |1 - exp(-j N d) / 2|: the part is worse by half a lobe at most, and the two cases are a whole lobe apart.
 """
 
 from __future__ import annotations
@@ -18,6 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
+
+PARTIAL_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,9 +219,6 @@ def chord_error(points: float) -> float:
     """
     scale = chord_scale(points)
     return max(scale - 1.0, 1.0 - scale * math.cos(math.pi / points))
-
-
-PARTIAL_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,14 +10,18 @@ Problem codes: `trace.format`; `trace.not_number`, `trace.not_finite` and `trace
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.dialect import Dialect
 from profiles.trace_files.limits import MOST_POINTS, too_large
 from profiles.trace_files.table import FEWEST_POINTS, LARGEST_DEVIATION_UM
+
+Content = TypeVar("Content", bytes, str)
+"""Of a file: its bytes, or the text that they are."""
 
 UM_PER_M = 1e6
 ABOVE_ZERO = math.ulp(0.0)
@@ -34,6 +38,19 @@ class ClosedProfile:
     format: str
     deviation_um: list[float]
     radius_mm: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraceFormat(Generic[Content]):
+    """A format: what people call it, where it is laid down, how a file of it is recognised and read.
+
+    `read` takes the content and what names the file in problems; it raises `ProfileError`.
+    """
+
+    name: str
+    standard: str
+    begins: Callable[[Content], object]
+    read: Callable[[Content, str], ClosedProfile]
 
 
 def closed(kind: str, deviation_um: list[float], points: float, step_m: float, where: str) -> ClosedProfile:

@@ -19,6 +19,7 @@ from profiles.trace_files.closed import (
     ABOVE_ZERO,
     UM_PER_M,
     ClosedProfile,
+    TraceFormat,
     closed,
     heights_um,
     number,
@@ -27,8 +28,8 @@ from profiles.trace_files.closed import (
 )
 from profiles.trace_files.limits import lines_of, words_of
 
-SMD = re.compile(r"\s*ISO ?5436")
-PRF = re.compile(r"\s*1[ \t]+2[ \t]*\n[^\n]*\bPRF\b")
+_SMD = re.compile(r"\s*ISO ?5436")
+_PRF = re.compile(r"\s*1[ \t]+2[ \t]*\n[^\n]*\bPRF\b")
 
 _UM_PER_UNIT: Mapping[str, float] = {"m": 1e6, "mm": 1e3, "um": 1.0, "nm": 1e-3}
 _MAPS = {("1", "CZ", "CZ", "1", "1"), ("2", "CZ", "CX", "1", "0")}
@@ -128,3 +129,7 @@ def _plain(word: str) -> str:
         return f"{float(word):g}"
     except ValueError:
         return word
+
+
+SMD = TraceFormat(name="SMD", standard="ISO 5436-2", begins=_SMD.match, read=read_smd)
+PRF = TraceFormat(name="PRF", standard="softgauges of the NPL", begins=_PRF.match, read=read_prf)

@@ -13,6 +13,7 @@ from profiles.trace_files.closed import (
     ABOVE_ZERO,
     UM_PER_M,
     ClosedProfile,
+    TraceFormat,
     closed,
     heights_um,
     number,
@@ -21,7 +22,7 @@ from profiles.trace_files.closed import (
 )
 from profiles.trace_files.limits import lines_of, words_of
 
-VERSION = re.compile(r"\s*[aAbB](BCR|ISO|NPL) ?- ?V?\d")
+_VERSION = re.compile(r"\s*[aAbB](BCR|ISO|NPL) ?- ?V?\d")
 
 
 def read_sdf(text: str, where: str) -> ClosedProfile:
@@ -53,3 +54,6 @@ def read_sdf(text: str, where: str) -> ClosedProfile:
     rows = ((f"{where}:{n + 1}", lines[n]) for n in range(body + 1, end) if not lines[n].startswith(";"))
     cells = ((place, cell) for place, line in rows for cell in words_of(line))
     return closed("SDF", heights_um(cells, um_per_unit, points), points, step_m, where)
+
+
+SDF = TraceFormat(name="SDF", standard="ISO 25178-71", begins=_VERSION.match, read=read_sdf)

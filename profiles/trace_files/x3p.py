@@ -25,6 +25,7 @@ from profiles.trace_files.closed import (
     ABOVE_ZERO,
     UM_PER_M,
     ClosedProfile,
+    TraceFormat,
     closed,
     heights_um,
     number,
@@ -34,7 +35,7 @@ from profiles.trace_files.closed import (
 from profiles.trace_files.limits import MOST_POINTS, too_large
 
 _MEMBER = b"PK\x01\x02"
-MAGIC = b"PK\x03\x04"
+_BEGINNING = b"PK\x03\x04"
 XML_CAP_BYTES = 10_000_000
 DATA_CAP_BYTES = 8 * MOST_POINTS
 MOST_MEMBERS = 1000
@@ -178,3 +179,10 @@ def _linked(archive: zipfile.ZipFile, root: _Element, points: float, where: str)
     values = np.frombuffer(content, dtype=kind).tolist()
     for place, (value, good) in enumerate(zip(values, measured.tolist(), strict=True), start=1):
         yield f"{where}: {printable(link, 60)} {place}", repr(value) if good else "BAD"
+
+
+def _begins(content: bytes) -> bool:
+    return content.startswith(_BEGINNING)
+
+
+X3P = TraceFormat(name="X3P", standard="ISO 25178-72", begins=_begins, read=read_x3p)

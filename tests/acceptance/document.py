@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from console.cli.reproduce_lines import Row, reasons, rows
+from console.cli.measured.reproduce_lines import Row, reason_lines, rows
 from console.text.catalogue import load
 from profiles.paper.record import Record
 from tests.golden_text import writing
@@ -33,7 +33,7 @@ def blocks() -> dict[str, str]:
 def table_lines(head: Row, records: Sequence[Record]) -> list[str]:
     """A table for people who read the document, with the reasons below it."""
     lines = [f"| {' | '.join(row)} |" for row in (head, *rows(records, TEXT))]
-    told = [f"- {reason}" for reason in reasons(records, TEXT)]
+    told = [f"- {reason}" for reason in reason_lines(records, TEXT)]
     return [lines[0], "|---|---:|---:|---:|---|", *lines[1:], *(["", *told] if told else [])]
 
 

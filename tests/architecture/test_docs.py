@@ -7,11 +7,14 @@ from pathlib import Path
 import pytest
 
 from console.__main__ import main
+from console.cli.commands import COMMANDS as CONSOLE_COMMANDS
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.paper import paper_program, spindle_start_counts
 from drivers.pmac.programs.setup import cut_setup
 from profiles.store import load_job, load_machine
+from profiles.trace_files.closed import TraceFormat
+from profiles.trace_files.formats import OF_BYTES, OF_TEXT
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = (
@@ -127,6 +130,17 @@ def test_every_choice_of_the_emulation_is_where_it_is_said_to_be() -> None:
 def test_the_readme_has_its_commands_on_lines_of_their_own(command: str) -> None:
     blocks = re.findall(r"^```\w*\n(.*?)^```", text_of("README.md"), flags=re.MULTILINE | re.DOTALL)
     assert [line for block in blocks for line in block.splitlines()].count(command) == 1
+
+
+@pytest.mark.parametrize("command", CONSOLE_COMMANDS)
+def test_the_readme_has_every_command(command: str) -> None:
+    assert f"| `console {command}" in text_of("README.md")
+
+
+@pytest.mark.parametrize("kind", (*OF_BYTES, *OF_TEXT), ids=lambda kind: str(kind.name))
+def test_every_trace_format_that_is_read_is_in_the_documents(kind: TraceFormat[bytes] | TraceFormat[str]) -> None:
+    assert f"| {kind.name} ({kind.standard}) |" in text_of("docs/traces.md")
+    assert re.search(rf"console roundness .*\b{kind.name}\b", text_of("README.md"))
 
 
 def test_no_text_names_a_machine_or_a_package_server() -> None:

@@ -12,20 +12,29 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("console", "drivers", "profiles")
 HEAVY = ("numpy", "scipy", "control", "matplotlib", "textual", "rich", "plotext")
 
-BUILD_THE_PARSER = "import console.__main__; from console.cli.parser import build; " + (
+BUILD_THE_PARSER = "import console.__main__; from console.cli.commands import build; " + (
     "from console.text.catalogue import load; build(load('en'))"
 )
+
+HELP_OF_EVERY_COMMAND = """
+import contextlib, io
+from console.__main__ import main
+from console.cli.commands import COMMANDS
+with contextlib.redirect_stdout(io.StringIO()):
+    assert {main([name, "--help"]) for name in COMMANDS} == {0}
+"""
 
 
 @pytest.mark.parametrize(
     ("code", "unwanted"),
     [
         pytest.param(BUILD_THE_PARSER, HEAVY, id="command line"),
+        pytest.param(HELP_OF_EVERY_COMMAND, HEAVY, id="help of every command"),
         pytest.param("import profiles.axis.servo", ("scipy", "control", "matplotlib"), id="servo model"),
     ],
 )
 def test_importing_stays_light(code: str, unwanted: tuple[str, ...]) -> None:
-    show = f"import sys; {code}; print(*(name for name in {unwanted!r} if name in sys.modules))"
+    show = f"import sys\n{code}\nprint(*(name for name in {unwanted!r} if name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", show], capture_output=True, text=True, cwd=ROOT, timeout=30)
     assert done.stderr == ""
     assert done.stdout.strip() == ""

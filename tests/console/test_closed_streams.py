@@ -51,7 +51,9 @@ def test_wrong_usage_stays_wrong_usage_on_a_full_disk() -> None:
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("module", ["console.text.catalogue", "console.cli.parser", "console.cli.jobs", "tomllib"])
+@pytest.mark.parametrize(
+    "module", ["console.text.catalogue", "console.cli.parser", "console.cli.part.jobs", "tomllib"]
+)
 def test_a_ctrl_c_during_the_imports_is_one_line(module: str) -> None:
     interrupted = f"""
 import sys

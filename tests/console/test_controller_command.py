@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import console as package
-from console.cli.card_access import Card
+from console.cli.machine.card_access import Card
 from drivers.commissioning.check import Group
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys

@@ -17,10 +17,11 @@ import pytest
 from console.session.data import calibrations, identified, learned_store, stop_records
 from console.session.data.calibrated_chuck import calibrated
 from console.session.data.calibrations import Calibration
+from console.session.data.history import last_results
 from console.session.data.kept_files import data_folder
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import cuts_of, parts_made
-from console.session.data.records import RunRecord, last_results
+from console.session.data.records import RunRecord
 from drivers.errors import DriverError
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.card.saved_state import Flash

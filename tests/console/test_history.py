@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from console.session.data.history import last_results
 from console.session.data.record_file import FILE_NAME
-from console.session.data.records import RunRecord, last_results
+from console.session.data.records import RunRecord
 
 
 def run(folder: Path, *measured: dict[str, object], simulated: bool = True) -> None:

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from console.cli.parser import build
-from console.cli.run_cut import learn_hint, tell_cut_with
-from console.cli.run_order import ordered
+from console.cli.commands import build
+from console.cli.machine.run_cut import learn_hint, tell_cut_with
+from console.cli.machine.run_order import ordered
 from console.session.data.made_parts import MadeWith, made_with
 from console.session.errors import SessionError
 from console.text.catalogue import load

@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.cli.predict import span_fields, span_words
+from console.cli.clamping_fields import span_fields
+from console.cli.clamping_lines import span_line
 from console.session.data.calibrated_chuck import calibrated
 from console.session.data.kept_files import machines_folder
 from console.session.work import opened
@@ -71,7 +72,7 @@ def test_form_preview_and_arming_say_the_same_of_any_job(
     # In whole newtons that will do themselves.
     words = f"{math.ceil(least_n)} … {math.floor(most_n)} N"
     assert words in form(job, LATHE.machine)
-    assert words in span_words(job, LATHE.machine, load("en"))
+    assert words in span_line(job, LATHE.machine, load("en"))
     inside = said["force_stands"] == "inside"
     assert f"{'✓' if inside else '✗'} {words}" in arming(job)
     assert ("force window ✓" in form(job, LATHE.machine)) is inside

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-import console.cli.reproduce
+from console.cli.measured import comparison
 from profiles.paper.experiments import lee_2001
 from profiles.paper.record import Record, Section
 from profiles.paper.reproduction import sections
@@ -19,11 +19,8 @@ Console = Callable[..., Any]
 @pytest.fixture
 def console_without_numerics(console: Console, monkeypatch: pytest.MonkeyPatch) -> Console:
     """The sections computed once; they are tested elsewhere."""
-    monkeypatch.setattr(console_cli, "sections", lambda _: computed())
+    monkeypatch.setattr(comparison, "sections", lambda _: computed())
     return console
-
-
-console_cli = console.cli.reproduce
 
 
 @cache
@@ -54,7 +51,7 @@ def test_json_is_not_rounded_and_has_the_curves(console_without_numerics: Consol
 
 def test_a_missed_number_is_the_exit_code(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
     missed = Record(name="accept.servo", at="gain", ours=0.5, expected=0.7455, tolerance=0.0037, number=2)
-    monkeypatch.setattr(console_cli, "sections", lambda _: (Section(name="acceptance", records=(missed,)),))
+    monkeypatch.setattr(comparison, "sections", lambda _: (Section(name="acceptance", records=(missed,)),))
     assert console("reproduce", "--quick").code == 1
 
 

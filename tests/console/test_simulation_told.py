@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.cli.library import iron_told, simulation_told
-from console.cli.parser import build
+from console.cli.commands import build
+from console.cli.library import simulated_address, true_parameters_of
 from console.text.catalogue import load
 from drivers.link.address import SimulatedAddress
 from drivers.simulator.hosts.process import SimulatorProcess
@@ -25,7 +25,7 @@ Console = Callable[..., Any]
 
 def told(*words: str) -> SimulatedAddress | None:
     machine: MachineProfile = load_machine("lee-2001-lathe").machine
-    return simulation_told(build(load("en")).parse_args(["--sim", *words]), machine)
+    return simulated_address(build(load("en")).parse_args(["--sim", *words]), machine)
 
 
 def test_nothing_said_is_the_lathe_of_every_day() -> None:
@@ -40,7 +40,9 @@ def test_a_plant_a_seed_and_a_spread_are_handed_on() -> None:
 
 def iron(*words: str) -> TrueParameters | None:
     machine: MachineProfile = load_machine("lee-2001-lathe").machine
-    return iron_told(build(load("en")).parse_args(["run", "lee-2001-experiment-1", "--sim", *words]), machine)
+    return true_parameters_of(
+        build(load("en")).parse_args(["run", "lee-2001-experiment-1", "--sim", *words]), machine
+    )
 
 
 def test_a_run_that_nobody_aligns_is_on_a_lathe_that_needs_no_alignment() -> None:

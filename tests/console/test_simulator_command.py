@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from console.cli.parser import DIALECTS as OFFERED
-from console.cli.parser import PLANTS as OFFERED_PLANTS
+from console.cli.arguments import PLANTS as OFFERED_PLANTS
+from console.cli.machine.simulator import DIALECTS as OFFERED
 from drivers.link.address import TcpAddress
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.hosts.control_address import UnixAddress

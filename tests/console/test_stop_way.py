@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from console.cli.card_access import Card
-from console.cli.doctor import keep_stops, stop_checks
+from console.cli.machine.card_access import Card
+from console.cli.machine.stop_checks import keep_stops, stop_checks
 from console.session.data.stop_records import load
 from console.session.station.intents import Start
 from drivers.commissioning.proofs.proving import Proven

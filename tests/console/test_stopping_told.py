@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from console.cli.stopping import END_WITHIN_S, TICK_S, Stopping
+from console.cli.machine.stopping import END_WITHIN_S, TICK_S, Stopping
 from console.session.signals import LEAVE_WITHIN_S, Interruption
 from console.session.station.link_thread import LinkThread
 from console.session.station.reaching import guard, leave

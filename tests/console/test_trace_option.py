@@ -81,7 +81,7 @@ def test_what_looks_at_a_controller_is_traced_as_well(
     console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], asked: str
 ) -> None:
     sim = SimulatedLathe(load_machine("lee-2001-lathe").machine)
-    monkeypatch.setattr("console.cli.card_access.open_link", lambda _: MemoryLink(sim.connect(), sim))
+    monkeypatch.setattr("console.cli.machine.card_access.open_link", lambda _: MemoryLink(sim.connect(), sim))
     path = tmp_path / "trace"
     words = [word.format(file=tmp_path / "card.pmac") for word in command]
     said = console(*words, "--link", "tcp:lathe:1", "--trace", str(path))
@@ -97,7 +97,7 @@ def test_without_room_for_it_no_controller_is_looked_for(
     console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[object] = []
-    monkeypatch.setattr("console.cli.card_access.open_link", opened.append)
+    monkeypatch.setattr("console.cli.machine.card_access.open_link", opened.append)
     said = console("doctor", "--link", "tcp:lathe:1", "--trace", str(tmp_path))
     assert (said.code, said.out, opened) == (1, "", [])
     assert "Is a directory" in said.err

@@ -11,9 +11,10 @@ import pytest
 
 from console.session.data import records
 from console.session.data.dates import is_ahead
+from console.session.data.history import last_results
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import cuts_of, date_problems, parts_made
-from console.session.data.records import RunRecord, last_results
+from console.session.data.records import RunRecord
 from console.text.catalogue import load
 from profiles.store import load_job, load_machine
 
@@ -38,7 +39,7 @@ def calibrate(console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         rows = [f"{t},{SLOPES[slope] * t + off:.1f}" for t in (10, 20, 30, 40) for off in (-20.0, 20.0)]
         path = tmp_path / f"{slope}.csv"
         path.write_text("\n".join(["torque_n_m,force_n", *rows]), encoding="utf-8")
-        monkeypatch.setattr("console.cli.calibrate.utc_now", lambda: date)
+        monkeypatch.setattr("console.cli.measured.calibrate_chuck.utc_now", lambda: date)
         said = console("calibrate", "chuck", str(path), "--keep", "--json")
         assert said.code == 0, said.err
         return said

@@ -18,14 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from console.session.data.calibrations import (
-    Calibration,
-    date_problems,
-    files_of,
-    load,
-    newest,
-    record_problem,
-)
+from console.session.data.calibrations import Calibration, date_problems, files_of, load, newest, record_problem
 from profiles.fields import fault, spelled
 from profiles.files import printable
 from profiles.machine import MachineProfile

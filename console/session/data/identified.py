@@ -1,4 +1,4 @@
-"""Identified responses on the disk: one file each, named by machine, path and date."""
+"""Identified responses on the disk: one file each, named by machine, path and date, and checked before use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the console keeps in its data folder: a file a thing, folders by name, plain values, never overwritten."""
+"""What the console keeps in its data folder, and where that is: a file a thing, plain values, none overwritten."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from profiles.own_values import from_json
 from profiles.problem import Problem, ProfileError
 
 CAP_BYTES = 1_000_000
+
+APPLICATION = "trilobe"
 
 
 def folder_name(name: str) -> str:
@@ -64,9 +66,6 @@ def kept(file: Path, code: str) -> Any:
     except ValueError as error:
         where, value = printable(str(file)), printable(str(error))
         raise ProfileError(Problem(code=code, where=where, value=value)) from error
-
-
-APPLICATION = "trilobe"
 
 
 def data_folder(told: str | None = None) -> Path:

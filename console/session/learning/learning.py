@@ -16,7 +16,7 @@ from console.session.cut.context import CutContext
 from console.session.cut.engine import Step
 from console.session.cut.headless import Beside, CutOutcome, cut_part
 from console.session.cut.planning import planned
-from console.session.cut.run import FILTER_UPR, RunPlan, TellPart, roundness_of
+from console.session.cut.run import FILTER_UPR, RunPlan, RunResult, TellPart, roundness_of
 from console.session.cut.telemetry import CutFigures
 from console.session.errors import SessionError
 from console.session.learning.learning_beside import AirWatch, CutLearner
@@ -81,6 +81,19 @@ class LearnResult:
     before: RoundnessResult
     floor: RoundnessResult
     parts: tuple[LearnedPart, ...]
+
+    @property
+    def last(self) -> RunResult:
+        """The result of the row as a run: its part is the last one, its collisions are those of all parts."""
+        part = self.parts[-1]
+        return RunResult(
+            plan=self.plan,
+            simulated=True,
+            before=self.before,
+            after=part.roundness,
+            figures=part.figures,
+            collisions=tuple(dict.fromkeys(met for each in self.parts for met in each.collisions)),
+        )
 
     @property
     def warnings(self) -> tuple[Problem, ...]:

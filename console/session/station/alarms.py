@@ -27,12 +27,6 @@ _CODES = {
 
 COLLISION_CODES = tuple(_CODES.values())
 
-
-def collision_problems(kinds: Iterable[str]) -> tuple[Problem, ...]:
-    """Return a problem for each kind of collision that was seen at the chuck."""
-    return tuple(Problem(code=_CODES[CollisionKind(kind)]) for kind in kinds)
-
-
 FAULT = "machine.fault"
 """Faults that the controller reports of axes; `value` names them, with commas between."""
 
@@ -91,6 +85,11 @@ class Alarm:
 
 
 Alarms = tuple[Alarm, ...]
+
+
+def collision_problems(kinds: Iterable[str]) -> tuple[Problem, ...]:
+    """Return a problem for each kind of collision that was seen at the chuck."""
+    return tuple(Problem(code=_CODES[CollisionKind(kind)]) for kind in kinds)
 
 
 def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) -> Alarms:

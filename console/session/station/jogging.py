@@ -1,6 +1,8 @@
-"""Steps of a jog: how long they are, how far an axis runs on after a stop, and how near to the work they may go.
+"""Steps of a jog: how long they are, how far an axis goes on after a stop, and how near to the work they may go.
 
-Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees of the spindle.
+Pure, by the machine profile. Steps are mm of the tool and the carriage, degrees of the spindle. Where the tool tip
+is against the blank follows from what the controller reports, the touch-off and the clamping, never from the job
+that happens to be on the screen: one rule for orders, pages and stops.
 """
 
 from __future__ import annotations
@@ -14,12 +16,6 @@ from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-
-
-def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
-    """Return the counts of a millimetre, or of a degree of the spindle."""
-    return settings_of(machine, axis).counts_per_unit
-
 
 STEPS_MM = (0.001, 0.01, 0.1, 1.0, 10.0)
 STEPS_DEG = (0.01, 0.1, 1.0, 10.0, 30.0)
@@ -37,6 +33,23 @@ FEELING_STEP_MM = 0.01
 
 STEP_TOLERANCE_MM = 0.0005
 """By so much a step may be too long: what is shown with three decimals and what is allowed are the same."""
+
+CLEAR_MM = 0.2
+"""Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
+
+TOUCH_OFF_BAND_MM = 1.5
+"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
+
+
+def counts_per_unit(machine: MachineProfile, axis: AxisName) -> float:
+    """Return the counts of a millimetre, or of a degree of the spindle."""
+    match axis:
+        case AxisName.TOOL:
+            return machine.tool.counts_per_mm
+        case AxisName.CARRIAGE:
+            return machine.carriage.counts_per_mm
+        case AxisName.SPINDLE:
+            return machine.spindle.counts_per_rev / 360.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,14 +128,6 @@ def overrun(machine: MachineProfile, axis: AxisName, step: float) -> float:
     """
     late_s = (machine.controller.background_ms + LINK_LATENCY_MS) / 1000.0
     return settings_of(machine, axis).step_overrun(abs(step), late_s)
-
-
-CLEAR_MM = 0.2
-"""Radial way from the part from which the tool counts as clear: many times what a drive that is off may drift."""
-
-
-TOUCH_OFF_BAND_MM = 1.5
-"""How far a touch-off may be from the tool radius that the profile states: less than the retract distance."""
 
 
 def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:

@@ -1,4 +1,4 @@
-"""How the cut goes: every look at the machine becomes one immutable value for the screen."""
+"""How the cut goes: every look becomes one immutable value for the screen, with speed and synchronisation."""
 
 from __future__ import annotations
 
@@ -22,38 +22,6 @@ from profiles.machine import MachineProfile
 LOOKED_S = 1.0
 """Time over which the speed is told: that of a single look is known to some ms only."""
 
-
-class SpindleWatch:
-    """Sees every look at the machine. It belongs to the link thread."""
-
-    def __init__(self, counts_per_rev: float) -> None:
-        self._counts_per_rev = counts_per_rev
-        self._looks: list[tuple[float, float]] = []
-        self._homed = False
-
-    def see(self, snapshot: Snapshot) -> float | None:
-        """Return the speed in rpm with this look taken into account, None while there is only one."""
-        homed = "home_complete" in snapshot.spindle.flags
-        if homed != self._homed:
-            self._homed = homed
-            self.forget()  # the zero of the counts has moved, not the spindle
-        self._looks = [look for look in self._looks if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
-        self._looks.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
-        return 60.0 * _slope(self._looks) if len(self._looks) > 1 else None
-
-    def forget(self) -> None:
-        """Leave out what was seen until now: it tells of another motion."""
-        self._looks = []
-
-
-def _slope(points: list[tuple[float, float]]) -> float:
-    """Return the slope of the straight line with the least squares of its distances."""
-    mean_x = sum(x for x, _ in points) / len(points)
-    mean_y = sum(y for _, y in points) / len(points)
-    across = sum((x - mean_x) * (y - mean_y) for x, y in points)
-    return across / sum((x - mean_x) * (x - mean_x) for x, _ in points)
-
-
 KEPT_LOOKS = 240
 """Looks that are shown and judged: some eight seconds."""
 
@@ -61,6 +29,9 @@ PHASE_LOOKS = 60
 
 BEGUN_UM = 20.0
 """A tool that has gone so far from where the program found it was moved by the program."""
+
+STANDS_SHARE = 0.05
+"""Below this share of the speed of the job a spindle stands."""
 
 
 class CutStage(StrEnum):
@@ -146,6 +117,43 @@ class CutProgress:
     def with_figures(self, figures: CutFigures) -> CutProgress:
         """Return the moment with the figures of the whole cut."""
         return replace(self, figures=figures)
+
+
+class Synchronisation(StrEnum):
+    """How tool and spindle are together.
+
+    `queued`: the program runs, but the spindle is not at speed yet or the carriage not at the part. `waiting`: no
+    time of the program passes until the index of the spindle comes. `in_sync`: in the part, in phase. `lost`: in
+    the part, out of phase or with a spindle that stands.
+    """
+
+    QUEUED = "queued"
+    WAITING = "waiting"
+    IN_SYNC = "in_sync"
+    LOST = "lost"
+
+
+class SpindleWatch:
+    """Sees every look at the machine. It belongs to the link thread."""
+
+    def __init__(self, counts_per_rev: float) -> None:
+        self._counts_per_rev = counts_per_rev
+        self._looks: list[tuple[float, float]] = []
+        self._homed = False
+
+    def see(self, snapshot: Snapshot) -> float | None:
+        """Return the speed in rpm with this look taken into account, None while there is only one."""
+        homed = "home_complete" in snapshot.spindle.flags
+        if homed != self._homed:
+            self._homed = homed
+            self.forget()  # the zero of the counts has moved, not the spindle
+        self._looks = [look for look in self._looks if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
+        self._looks.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
+        return 60.0 * _slope(self._looks) if len(self._looks) > 1 else None
+
+    def forget(self) -> None:
+        """Leave out what was seen until now: it tells of another motion."""
+        self._looks = []
 
 
 class CutWatch:
@@ -268,22 +276,12 @@ class CutWatch:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
 
 
-STANDS_SHARE = 0.05
-"""Below this share of the speed of the job a spindle stands."""
-
-
-class Synchronisation(StrEnum):
-    """How tool and spindle are together.
-
-    `queued`: the program runs, but the spindle is not at speed yet or the carriage not at the part. `waiting`: no
-    time of the program passes until the index of the spindle comes. `in_sync`: in the part, in phase. `lost`: in
-    the part, out of phase or with a spindle that stands.
-    """
-
-    QUEUED = "queued"
-    WAITING = "waiting"
-    IN_SYNC = "in_sync"
-    LOST = "lost"
+def _slope(points: list[tuple[float, float]]) -> float:
+    """Return the slope of the straight line with the least squares of its distances."""
+    mean_x = sum(x for x, _ in points) / len(points)
+    mean_y = sum(y for _, y in points) / len(points)
+    across = sum((x - mean_x) * (y - mean_y) for x, y in points)
+    return across / sum((x - mean_x) * (x - mean_x) for x, _ in points)
 
 
 def before_part(

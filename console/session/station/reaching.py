@@ -9,7 +9,6 @@ from pathlib import Path
 
 from console.session.cut.context import CutContext
 from console.session.cut.interlocks import Interlock, refuse_unless
-from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.session.station.commissioned import Commissioned
 from console.session.station.owning import Owning, take_lock
@@ -20,14 +19,14 @@ from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
-from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
+from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.base import Link
 from drivers.link.opening import open_link
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, ProblemError
+from profiles.problem import ProblemError
 from profiles.store import LoadedMachine
 
 
@@ -175,18 +174,3 @@ def _switched_off(lathe: Lathe) -> bool:
     except ProblemError:
         return False
     return True
-
-
-def address_of(machine: MachineProfile, told: str | None, *, simulated: bool) -> LinkAddress:
-    """Return where the machine is: the simulated one, where somebody says, or where its profile does.
-
-    Raises:
-        SessionError: `session.no_machine`, nobody says.
-        LinkError: `link.bad_address`.
-    """
-    if simulated:
-        return SimulatedAddress()
-    address = told or machine.link
-    if not address:
-        raise SessionError(Problem(code="session.no_machine", where=machine.name, key="link"))
-    return parse_address(address)

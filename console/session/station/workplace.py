@@ -1,4 +1,7 @@
-"""What the link thread works with: the lathe, the chuck and gauge beside it, and the state that it publishes."""
+"""What the link thread works with: the lathe, the chuck and gauge beside it, and the state that it publishes.
+
+Whether stops still have the connection that they were given is watched here, and told as an alarm.
+"""
 
 from __future__ import annotations
 

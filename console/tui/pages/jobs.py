@@ -7,8 +7,8 @@ from pathlib import Path
 from textual.app import ComposeResult
 from textual.content import Content
 
+from console.session.data.history import LastResults, last_results
 from console.session.data.kept_files import jobs_folder
-from console.session.data.records import LastResults, last_results
 from console.session.station.state import Activity, StationState
 from console.session.work import Work, opened
 from console.tui.desk import Desk, View

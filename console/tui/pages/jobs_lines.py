@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from rich.cells import cell_len
 
-from console.session.data.records import LastResult, LastResults
+from console.session.data.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fact, fitted, hanging, line, name_in, wrapped
 from console.tui.pages.fields import provenance

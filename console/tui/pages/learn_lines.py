@@ -1,4 +1,4 @@
-"""What the panel Learn of the page Inspect says: what a part teaches of the next, or why nothing."""
+"""What a part teaches of the next, for the panel Learn; and how a part is cut, in two words."""
 
 from __future__ import annotations
 
@@ -13,27 +13,6 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import Line, hanging, wrapped
 from console.tui.theme import Token
 from profiles.compensations.path import expected
-
-
-def made_words(text: Catalogue, compensation: str | None, stage: str) -> str:
-    """Return compensation and stage; `compensation` is the version that was learned, None the model."""
-    what = text("made.model") if compensation is None else text("made.learned", version=compensation)
-    return f"{what}, {text(f'made.{stage}')}"
-
-
-def chosen_words(text: Catalogue, work: Work) -> str:
-    """Return what is chosen for the job in hand; of a version that is another once more also that."""
-    learned = work.compensation
-    if learned is None or learned.reverts is None:
-        return made_words(text, None if learned is None else str(learned.version), work.stage)
-    older = text("made.model") if learned.is_model else str(learned.reverts)
-    return made_words(text, f"{learned.version} (= {older})", work.stage)
-
-
-def armed_words(text: Catalogue, armed: Armed) -> str:
-    """Return what was armed."""
-    return made_words(text, armed.made.version, armed.made.stage)
-
 
 _MARK = ("! ", Token.WARNING)
 
@@ -87,6 +66,26 @@ def in_scatter(taught: Taught) -> bool:
     lobe = taught.lesson.next.path.wanted.lobes
     wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.waves if each.waves == lobe]
     return max(wrong, default=0.0) < taught.lesson.expected_half_width_um_pp
+
+
+def made_words(text: Catalogue, compensation: str | None, stage: str) -> str:
+    """Return compensation and stage; `compensation` is the version that was learned, None the model."""
+    what = text("made.model") if compensation is None else text("made.learned", version=compensation)
+    return f"{what}, {text(f'made.{stage}')}"
+
+
+def chosen_words(text: Catalogue, work: Work) -> str:
+    """Return what is chosen for the job in hand; of a version that is another once more also that."""
+    learned = work.compensation
+    if learned is None or learned.reverts is None:
+        return made_words(text, None if learned is None else str(learned.version), work.stage)
+    older = text("made.model") if learned.is_model else str(learned.reverts)
+    return made_words(text, f"{learned.version} (= {older})", work.stage)
+
+
+def armed_words(text: Catalogue, armed: Armed) -> str:
+    """Return what was armed."""
+    return made_words(text, armed.made.version, armed.made.stage)
 
 
 def _half_words(taught: Taught, text: Catalogue) -> str:

@@ -1,4 +1,7 @@
-"""What the keys of the panel Learn do: keep what a part teaches, or go back. Files alone; nothing moves."""
+"""What the keys about learning do: keep a part or go back, and choose what the next cut is made with.
+
+They write files alone; nothing moves by them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What the page Run says before, after and instead of a cut, as lines of text; `cut_lines` is for the cut."""
+"""What the page Run says before, after and instead of a cut, as lines of text; `cut_lines` is for the cut.
+
+The safety devices that the controller sees are only shown.
+"""
 
 from __future__ import annotations
 

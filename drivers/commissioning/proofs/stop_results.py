@@ -1,4 +1,4 @@
-"""What was seen of one stop, as entries of a record and as a check."""
+"""What was seen of one stop, as entries of a record and as a check against what its settings allow."""
 
 from __future__ import annotations
 
@@ -18,34 +18,6 @@ from drivers.pmac.analysis.units import unit_of
 from drivers.pmac.heartbeat.lease import LEASE_MS
 from drivers.pmac.heartbeat.proof import LeaseProof, proof_problems
 from drivers.pmac.heartbeat.watch import Look, rest_s
-
-
-def bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
-    """Return the longest way, counts, infinite where it does not follow from settings.
-
-    `late_ms` is how old the look was, from which the way is counted, when the stop went out. What runs out behind
-    a control-K, and how a cut is ended without a host, is measured alone.
-    """
-    late_ms += judged.machine.controller.background_ms + LINK_LATENCY_MS
-    match way, origin:
-        case Way.ABORT, Origin.JOG:
-            return after_abort(jog_settings_of(judged, axis).speed, judged.of_motor(axis, 15), late_ms).counts
-        case Way.ABORT, Origin.CUT:
-            return _of_cut(judged, axis, late_ms)
-        case Way.LEASE, Origin.JOG:
-            return after_jog_stop(jog_settings_of(judged, axis), LEASE_MS + late_ms).counts
-        case _:
-            return math.inf
-
-
-def _of_cut(judged: Judged, axis: JudgedAxis, late_ms: float) -> float:
-    """The tool goes to and fro meanwhile: from one end of its lobe to the other at most, and on from there."""
-    cut, rate = air_cut(judged.machine), judged.of_motor(axis, 15)
-    speed = cut.speeds[axis.name]
-    if axis.name == "tool":
-        return 2.0 * cut.amplitude + after_abort(speed, rate, 0.0).counts
-    return after_abort(speed, rate, late_ms).counts
-
 
 MOVED_COUNTS = 1.0
 """What does not go further than this behind a stop has not moved before."""
@@ -103,6 +75,33 @@ def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
         holds = holds and MOVED_COUNTS < counts <= bound
     name = stop_name(seen.way, seen.origin)
     yield proof(name, holds=holds, found=", ".join(found), wanted=", ".join(wanted) or "-")
+
+
+def bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, late_ms: float) -> float:
+    """Return the longest way, counts, infinite where it does not follow from settings.
+
+    `late_ms` is how old the look was, from which the way is counted, when the stop went out. What runs out behind
+    a control-K, and how a cut is ended without a host, is measured alone.
+    """
+    late_ms += judged.machine.controller.background_ms + LINK_LATENCY_MS
+    match way, origin:
+        case Way.ABORT, Origin.JOG:
+            return after_abort(jog_settings_of(judged, axis).speed, judged.of_motor(axis, 15), late_ms).counts
+        case Way.ABORT, Origin.CUT:
+            return _of_cut(judged, axis, late_ms)
+        case Way.LEASE, Origin.JOG:
+            return after_jog_stop(jog_settings_of(judged, axis), LEASE_MS + late_ms).counts
+        case _:
+            return math.inf
+
+
+def _of_cut(judged: Judged, axis: JudgedAxis, late_ms: float) -> float:
+    """The tool goes to and fro meanwhile: from one end of its lobe to the other at most, and on from there."""
+    cut, rate = air_cut(judged.machine), judged.of_motor(axis, 15)
+    speed = cut.speeds[axis.name]
+    if axis.name == "tool":
+        return 2.0 * cut.amplitude + after_abort(speed, rate, 0.0).counts
+    return after_abort(speed, rate, late_ms).counts
 
 
 def _lease_check(found: LeaseProof) -> Check:

@@ -1,4 +1,8 @@
-"""The stops of a machine, measured: control-A, control-K and silence, out of a jog and out of a cut in air."""
+"""The stops of a machine, measured: control-A, control-K and silence, out of a jog and out of a cut in air.
+
+Where stops have a connection of their own, they come while a question still waits for its answer on the other one:
+that is what such a connection is for, and no board is known to do so before it was seen.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A program checked as a whole: what a stranger's text does on a machine, and what is to be said of it."""
+"""A program checked as a whole: what a stranger's text does on a machine, and what is to be said of it.
+
+Beside its moves: how it goes on (loops without an end, waits for a host, errors at run time), and its TA and TS as
+an operator would change them.
+"""
 
 from __future__ import annotations
 

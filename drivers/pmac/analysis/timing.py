@@ -1,4 +1,4 @@
-"""Findings about times: what the controller makes of TA, TS, TM and F, and why."""
+"""Findings about times: what the controller makes of TA, TS, TM and F, and why; fractions of a ms among them."""
 
 from __future__ import annotations
 
@@ -17,6 +17,13 @@ from drivers.pmac.variables import VariableStore
 from profiles.findings import Severity
 
 _RAMPED = ("LINEAR", "CIRCLE")
+
+_LEVELS = {
+    Code.STRETCHED: Severity.WARNING,
+    Code.STRETCHED_BY_VELOCITY: Severity.WARNING,
+    Code.STRETCHED_BY_ACCELERATION: Severity.WARNING,
+    Code.TIME_BELOW_INTERRUPT: Severity.WARNING,
+}
 
 
 def timing_findings(subject: Subject) -> list[ProgramFinding]:
@@ -38,12 +45,18 @@ def timing_findings(subject: Subject) -> list[ProgramFinding]:
     ]
 
 
-_LEVELS = {
-    Code.STRETCHED: Severity.WARNING,
-    Code.STRETCHED_BY_VELOCITY: Severity.WARNING,
-    Code.STRETCHED_BY_ACCELERATION: Severity.WARNING,
-    Code.TIME_BELOW_INTERRUPT: Severity.WARNING,
-}
+def rounding_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
+    """Return a finding for each such word; an expression is taken with what its variables are at the end."""
+    findings = []
+    programs = {text.number: text.program, **text.subprograms}
+    for number, program in programs.items():
+        for line, statements in enumerate(program):
+            for word in (statement for statement in statements if isinstance(statement, Set)):
+                values = _rounded(subject, word)
+                if values:
+                    place = subject.place_of(number, line)
+                    findings.append(_finding(place, values))
+    return findings
 
 
 def _of_move(subject: Subject, move: MoveAnalysis) -> Iterator[tuple[Code, dict[str, Value]]]:
@@ -87,20 +100,6 @@ def _key(code: Code, values: dict[str, Value]) -> str:
 
 def _longer(one_ms: float, other_ms: float) -> bool:
     return one_ms > other_ms * (1.0 + 1e-9)
-
-
-def rounding_findings(subject: Subject, text: ProgramText) -> list[ProgramFinding]:
-    """Return a finding for each such word; an expression is taken with what its variables are at the end."""
-    findings = []
-    programs = {text.number: text.program, **text.subprograms}
-    for number, program in programs.items():
-        for line, statements in enumerate(program):
-            for word in (statement for statement in statements if isinstance(statement, Set)):
-                values = _rounded(subject, word)
-                if values:
-                    place = subject.place_of(number, line)
-                    findings.append(_finding(place, values))
-    return findings
 
 
 def _finding(place: int, values: dict[str, Value]) -> ProgramFinding:

@@ -1,4 +1,4 @@
-"""When the next lease is due, and the lines that a host sends: time in, lines out."""
+"""The heartbeat of a host: when the next lease is due, what is sent, and whether the PLC goes on counting."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ NOTHING_GUARDED = f"P{reserved.ACTIVITY}={Activity.NOTHING:d}"
 
 LOSS_SEEN = f"P{reserved.LOST}=0"
 """Takes back the word that something was ended, when an operator has seen it."""
+
+PERIOD_S = 0.1
+"""Between two questions: they go out with a lease."""
+
+TIMEOUT_S = 0.3
+"""How long the PLC may stand at one number: three scans of a card that is busy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,13 +73,6 @@ class Keeper:
         }
         said = " ".join(f"{name}={value}" for name, value in values.items())
         return f"{said} {self.line} P{reserved.ACTIVITY}={Activity.CUT:d}"
-
-
-PERIOD_S = 0.1
-"""Between two questions: they go out with a lease."""
-
-TIMEOUT_S = 0.3
-"""How long the PLC may stand at one number: three scans of a card that is busy."""
 
 
 @dataclass(slots=True, kw_only=True)

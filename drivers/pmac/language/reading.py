@@ -1,4 +1,4 @@
-"""What several statements have in common: lists of letters and of numbers, and axis words one after another."""
+"""What several statements have in common: lists of letters and of numbers, axis words, program buffers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,19 @@ from drivers.pmac.language.syntax import AxisWord, Statement
 
 Reader = Callable[[Scanner, str], Statement | None]
 """Reads on behind its word; None when what follows does not make a statement of it."""
+
+HIGHEST_PROGRAM = 32_767
+HIGHEST_PLC = 31
+
+PROGRAM = ("PROGRAM", "PROG")
+OPEN_PROGRAM = tuple(f"OPEN{word}" for word in PROGRAM)
+OPEN_PLC = ("OPENPLC",)
+CLEAR = ("CLEAR", "CLR")
+CLOSE = ("CLOSE", "CLS")
+
+_SPACES = r"\s*"
+TRAILING_CLOSE = re.compile(f"(?:{'|'.join(map(_SPACES.join, CLOSE))}){_SPACES}$", re.IGNORECASE)
+"""CLOSE at the end of a line that is stored; white space may stand anywhere in it."""
 
 
 def parse_letters(scanner: Scanner, letters: tuple[str, ...]) -> tuple[str, ...]:
@@ -69,17 +82,3 @@ def _number(scanner: Scanner, lowest: int, highest: int) -> int:
     if number is None or not lowest <= number <= highest:
         raise scanner.refusal(f"expected a number from {lowest} to {highest}")
     return number
-
-
-HIGHEST_PROGRAM = 32_767
-HIGHEST_PLC = 31
-
-PROGRAM = ("PROGRAM", "PROG")
-OPEN_PROGRAM = tuple(f"OPEN{word}" for word in PROGRAM)
-OPEN_PLC = ("OPENPLC",)
-CLEAR = ("CLEAR", "CLR")
-CLOSE = ("CLOSE", "CLS")
-
-_SPACES = r"\s*"
-TRAILING_CLOSE = re.compile(f"(?:{'|'.join(map(_SPACES.join, CLOSE))}){_SPACES}$", re.IGNORECASE)
-"""CLOSE at the end of a line that is stored; white space may stand anywhere in it."""

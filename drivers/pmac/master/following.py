@@ -1,9 +1,12 @@
 """Position following: a motor follows a master by a ratio, Ix07 to Ix08, like a pair of gears.
 
-Each servo cycle the master's movement in 1/32 count, times Ix07, is added to a register of the motor in
-1/(Ix08 x 32) count: whole numbers, so that no remainder is ever lost. Ix07 may change while it runs; what was
-followed before stays. There is no ramp: following begins at the master's speed. Sources: PMAC User Manual,
-position processing, position following; PMAC and Turbo Software Reference, Ix05 to Ix08.
+Each servo cycle the master's movement in 1/32 count, times Ix07, is added to a register of the motor in 1/(Ix08 x
+32) count: whole numbers, so that no remainder is ever lost. Ix07 may change while it runs; what was followed
+before stays. There is no ramp: following begins at the master's speed.
+
+The master is a converted position, what the encoder conversion table makes of an encoder once each servo cycle: a
+register of 24 bits, five of them fraction, that rolls over. Sources: PMAC User Manual, position processing,
+position following, encoder conversion table; PMAC and Turbo Software Reference, Ix05 to Ix08; Turbo, I8000.
 """
 
 from __future__ import annotations
@@ -17,18 +20,6 @@ from drivers.pmac.memory import WORD_BITS
 
 COUNT_PARTS = 32
 """The parts of a count that five bits of fraction tell apart."""
-
-
-def parts_of(counts: float) -> int:
-    """Return the whole 1/32 that a position in counts has reached."""
-    return int(counts * COUNT_PARTS // 1)
-
-
-def register_change(new: int, old: int) -> int:
-    """Return how far the register went, the shorter way round, 1/32 count."""
-    half = 1 << (WORD_BITS - 1)
-    return (new - old + half) % (1 << WORD_BITS) - half
-
 
 _ADDRESS, _ENABLE, _RATIO, _SCALE = 5, 6, 7, 8
 """Ix05 master address, Ix06 enable, Ix07 and Ix08 the teeth of the two gears."""
@@ -91,6 +82,17 @@ class Following:
         turned = register_change(master_parts, self.master_parts)
         increment = 0 if setup.mode is FollowingMode.OFF else setup.teeth * turned
         return replace(self, master_parts=master_parts, followed=self.followed + increment), increment
+
+
+def parts_of(counts: float) -> int:
+    """Return the whole 1/32 that a position in counts has reached."""
+    return int(counts * COUNT_PARTS // 1)
+
+
+def register_change(new: int, old: int) -> int:
+    """Return how far the register went, the shorter way round, 1/32 count."""
+    half = 1 << (WORD_BITS - 1)
+    return (new - old + half) % (1 << WORD_BITS) - half
 
 
 def in_counts(parts: int, setup: FollowingSetup) -> float:

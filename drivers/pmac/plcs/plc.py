@@ -1,4 +1,4 @@
-"""The execution of a PLC, one scan at a time: from where it stands to its end, or to an ENDWHILE.
+"""The execution of a PLC, one scan at a time, and the timers that PLCs and programs wait by.
 
 An ENDWHILE ends the scan, and the next one goes on with its WHILE (PMAC User Manual, PLC Programs 1-31). So every
 scan ends: inside it there is no way back, and each statement is executed once at most.
@@ -19,6 +19,14 @@ from drivers.pmac.variables import SystemVariables, VariableStore
 
 _ANGLE_UNIT = 15
 """I15: 0 is degrees."""
+
+_Step = Callable[[], int]
+"""Executes an instruction and returns the place of the next one."""
+
+LOWEST_COUNT = -(2**23)
+"""Here a timer stays; it does not roll over (Turbo Software Reference, Isx11)."""
+
+_Name = TypeVar("_Name")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +60,6 @@ class PlcHost(Protocol):
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...]) -> None:
         """ENABLE or DISABLE PLC; it may be the one that runs, whose scan still goes on to its end."""
-
-
-_Step = Callable[[], int]
-"""Executes an instruction and returns the place of the next one."""
 
 
 class PlcRun:
@@ -187,12 +191,6 @@ class PlcRun:
 def _require(what: str, number: int, highest: int) -> None:
     if number > highest:
         raise PmacError(ErrorCode.DATA_ERROR, f"ADDRESS: {what} {number} does not exist; 1 to {highest}")
-
-
-LOWEST_COUNT = -(2**23)
-"""Here a timer stays; it does not roll over (Turbo Software Reference, Isx11)."""
-
-_Name = TypeVar("_Name")
 
 
 def count_down(values: Mapping[_Name, float], cycles: int) -> dict[_Name, float]:

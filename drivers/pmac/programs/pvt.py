@@ -60,7 +60,12 @@ P38=-P15*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
 X(P20+P37*P36):(P38){y} Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 """
+"""The lines that lead the tool along the lobe, whether the spindle is an axis of the program or its clock.
 
+Four steps: the amplitude grows clear of the part, whole turns are cut, the path is faded into the retracted
+position, everything rests. `{y}` is what moves the spindle, empty where something else turns it; `{go_on}` is what
+has to hold for another turn.
+"""
 
 PROGRAM_NUMBER = 2
 
@@ -72,6 +77,47 @@ HALF_RUN_UP_MS = 500
 OUT_SPEED_MM_S = 10.0
 SETTLE_MS = 400
 """Time in which the amplitude grows to its full value, clear of the part."""
+
+_TEXT = """\
+; {job}: the lobe at {hz} Hz as PVT segments of {segment} ms. x tool, y spindle, z carriage; all in counts.
+; Between the points the cubics are within {error} um of the sinusoid.
+P11={mean} ; tool at the mean depth
+P12={amplitude} ; amplitude at the points: the wanted one over the gain of the servo
+P13={step_deg} ; lobe angle of one segment, deg
+P14={start_deg} ; lobe angle at the start, ahead by the lag of the servo, deg
+P15={slope} ; greatest tool speed at the points, counts/s
+P16={spindle_step} ; spindle counts in one segment
+P17={spindle_speed} ; spindle speed, counts/s: {rpm} rpm
+P18={feed_step} ; carriage counts in one segment
+P19={feed_speed} ; carriage speed, counts/s
+P20={out} ; tool retracted
+P21={z} ; carriage clear of the part
+P22={spindle_start} ; spindle at the start
+P23={turns} ; turns of the cut
+P24={ramp} ; segments in which the amplitude grows
+P28=P22+{before} ; spindle at the first segment
+P32={turn} ; segments in one turn
+{end_marks}CLOSE
+OPEN PROG {program}
+CLEAR
+ABS
+{flag}=0 ; the host sets it to end the cut at the end of a turn
+PVT{half} ; the spindle runs up
+X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
+X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
+PVT{approach} ; the tool goes to its mean depth, clear of the part
+X(P11):0 Y(P28):(P17) Z(P21):0
+"""
+
+_RUN_DOWN = """\
+P30=P28+P16*P25
+P29=P29+P33*{out_ms}/3000
+PVT{half} ; the spindle runs down
+X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
+X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
+IF(P45=P25) P44=1
+CLOSE
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,45 +267,3 @@ def path_values(
         "end_marks": END_MARKS,
         "go_on": setup.go_on,
     }
-
-
-_TEXT = """\
-; {job}: the lobe at {hz} Hz as PVT segments of {segment} ms. x tool, y spindle, z carriage; all in counts.
-; Between the points the cubics are within {error} um of the sinusoid.
-P11={mean} ; tool at the mean depth
-P12={amplitude} ; amplitude at the points: the wanted one over the gain of the servo
-P13={step_deg} ; lobe angle of one segment, deg
-P14={start_deg} ; lobe angle at the start, ahead by the lag of the servo, deg
-P15={slope} ; greatest tool speed at the points, counts/s
-P16={spindle_step} ; spindle counts in one segment
-P17={spindle_speed} ; spindle speed, counts/s: {rpm} rpm
-P18={feed_step} ; carriage counts in one segment
-P19={feed_speed} ; carriage speed, counts/s
-P20={out} ; tool retracted
-P21={z} ; carriage clear of the part
-P22={spindle_start} ; spindle at the start
-P23={turns} ; turns of the cut
-P24={ramp} ; segments in which the amplitude grows
-P28=P22+{before} ; spindle at the first segment
-P32={turn} ; segments in one turn
-{end_marks}CLOSE
-OPEN PROG {program}
-CLEAR
-ABS
-{flag}=0 ; the host sets it to end the cut at the end of a turn
-PVT{half} ; the spindle runs up
-X(P20):0 Y(P22+P17*{half}/6000):(P17/2) Z(P21):0
-X(P20):0 Y(P22+P17*{half}/1000):(P17) Z(P21):0
-PVT{approach} ; the tool goes to its mean depth, clear of the part
-X(P11):0 Y(P28):(P17) Z(P21):0
-"""
-
-_RUN_DOWN = """\
-P30=P28+P16*P25
-P29=P29+P33*{out_ms}/3000
-PVT{half} ; the spindle runs down
-X(P20):0 Y(P30+P17*{half}*5/6000):(P17/2) Z(P29):0
-X(P20):0 Y(P30+P17*{half}/1000):0 Z(P29):0
-IF(P45=P25) P44=1
-CLOSE
-"""

@@ -1,6 +1,8 @@
 """From axes to motors: what the axis definitions and the I-variables say about the motors of a program.
 
-Every vector is in the order of the definitions.
+Every vector is in the order of the definitions. Rotary axes (A, B, C) roll over by Ix27: above 0, counts a turn, a
+motor goes the shorter way to an absolute position; below 0 the sign of the commanded position is the direction,
+and the move is less than a turn. Source: Software Reference, Ix27. Positions are counts of the motor.
 """
 
 from __future__ import annotations
@@ -22,44 +24,6 @@ ROTARY = frozenset("ABC")
 
 ROUNDING = 1e-9
 """The share of a turn within which a motor already stands where it is sent."""
-
-
-class Rollover:
-    """Keeps the whole turns between what a program calls the position of a motor and where it is."""
-
-    def __init__(self, definitions: Sequence[AxisDefinition], variables: VariableStore) -> None:
-        self._rotary = [(k, d) for k, d in enumerate(definitions) if d.axis in ROTARY]
-        self._variables = variables
-        self._turns = {k: 0.0 for k, _ in self._rotary}  # counts
-
-    def unfold(
-        self, counts: Vector, here: Vector, targets: Mapping[str, float], absolute: frozenset[str]
-    ) -> Vector:
-        """Return where the motors are to go; `absolute` are the axes that were told a position."""
-        unfolded = list(counts)
-        for index, definition in self._rotary:
-            turn = self._variables.motor(definition.motor, 27)
-            if turn and definition.axis in absolute:
-                forwards = (targets[definition.axis] >= 0.0) == (definition.scale > 0.0) if turn < 0.0 else None
-                way = _way_round(counts[index] - here[index], abs(turn), forwards)
-                self._turns[index] = here[index] + way - counts[index]
-            unfolded[index] += self._turns[index]
-        return tuple(unfolded)
-
-
-def _way_round(distance: float, turn: float, forwards: bool | None) -> float:
-    """Return the distance by the shorter way, or in a direction."""
-    up = math.fmod(distance, turn)
-    if up < 0.0:
-        up += turn
-    if up > (1.0 - ROUNDING) * turn:
-        up -= turn  # it stands there, but for rounding
-    if forwards is None:
-        return up if up <= 0.5 * turn else up - turn
-    if forwards or abs(up) <= ROUNDING * turn:
-        return up
-    return up - turn
-
 
 FARTHEST_COUNTS = 2.0**47 / (96 * 32)
 """Positions are 48 bits wide, in units of 1/(32 Ix08) count; the factory's Ix08 is 96."""
@@ -168,6 +132,43 @@ class MotorFrame:
         """Return the greatest calculation delay of the motors that serve some axes."""
         delay = self._variables.setting
         return max((delay(Setting.JOG_DELAY_MS, d.motor) for d in self.moved_by(axes)), default=0.0)
+
+
+class Rollover:
+    """Keeps the whole turns between what a program calls the position of a motor and where it is."""
+
+    def __init__(self, definitions: Sequence[AxisDefinition], variables: VariableStore) -> None:
+        self._rotary = [(k, d) for k, d in enumerate(definitions) if d.axis in ROTARY]
+        self._variables = variables
+        self._turns = {k: 0.0 for k, _ in self._rotary}  # counts
+
+    def unfold(
+        self, counts: Vector, here: Vector, targets: Mapping[str, float], absolute: frozenset[str]
+    ) -> Vector:
+        """Return where the motors are to go; `absolute` are the axes that were told a position."""
+        unfolded = list(counts)
+        for index, definition in self._rotary:
+            turn = self._variables.motor(definition.motor, 27)
+            if turn and definition.axis in absolute:
+                forwards = (targets[definition.axis] >= 0.0) == (definition.scale > 0.0) if turn < 0.0 else None
+                way = _way_round(counts[index] - here[index], abs(turn), forwards)
+                self._turns[index] = here[index] + way - counts[index]
+            unfolded[index] += self._turns[index]
+        return tuple(unfolded)
+
+
+def _way_round(distance: float, turn: float, forwards: bool | None) -> float:
+    """Return the distance by the shorter way, or in a direction."""
+    up = math.fmod(distance, turn)
+    if up < 0.0:
+        up += turn
+    if up > (1.0 - ROUNDING) * turn:
+        up -= turn  # it stands there, but for rounding
+    if forwards is None:
+        return up if up <= 0.5 * turn else up - turn
+    if forwards or abs(up) <= ROUNDING * turn:
+        return up
+    return up - turn
 
 
 def check_range(what: str, values: Vector) -> None:

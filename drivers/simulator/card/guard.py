@@ -1,4 +1,4 @@
-"""What the card watches of one motor in every background cycle, read from its settings once and not each time."""
+"""What the card watches of one motor in every background cycle, its travel too, read once from its settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion of a motor that no program commands: jogs, home searches, and ramps to rest."""
+"""The motion of a motor that no program commands: jogs, home searches with their trigger, and ramps to rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the lines of one program are kept, and which one is being filled."""
+"""Where the lines of programs and PLCs are kept, which buffer is being filled, and the password on them."""
 
 from __future__ import annotations
 

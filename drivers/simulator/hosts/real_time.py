@@ -1,4 +1,9 @@
-"""Simulated time in step with real time, for the servers: what they share beside their hosts."""
+"""Simulated time in step with real time, for the servers: how late it is, and whom it waits for.
+
+A screen and its simulator share one computer. Where that has too much to do, the screen is held up, and a real
+card would end what moves, as it must. Here the card waits, for a while, for the one host that it serves: longer
+silences are real ones.
+"""
 
 from __future__ import annotations
 
@@ -13,38 +18,18 @@ from typing import Any, Protocol
 KEPT = 20_000
 """Delays that are kept, the latest: at 5 ms a tick, those of 100 s."""
 
-
-class LagRecord:
-    """Delays in s. It never grows beyond `KEPT`."""
-
-    def __init__(self) -> None:
-        self._delays_s: deque[float] = deque(maxlen=KEPT)
-
-    def __len__(self) -> int:
-        return len(self._delays_s)
-
-    def add(self, delay_s: float) -> None:
-        """Take down one more delay."""
-        self._delays_s.append(delay_s)
-
-    def quantile_s(self, share: float) -> float:
-        """Return the least delay that `share` (0 to 1) of the delays do not exceed.
-
-        Raises:
-            ValueError: nothing has been taken down.
-        """
-        if not self._delays_s:
-            raise ValueError("no delays")
-        ordered = sorted(self._delays_s)
-        return ordered[max(math.ceil(share * len(ordered)), 1) - 1]
-
-
 TICK_S = 0.005
 MOST_CATCH_UP_S = 0.1
 """Real time made up for in one tick; a process that was asleep for longer loses the rest."""
 
 SLICE_S = 0.01
 """Simulated time that is advanced in one go: between two, hosts and signals are heard."""
+
+HEARD_S = 0.18
+"""How far time runs on without a word of the host: a lease that it has just renewed holds beyond that."""
+
+PATIENCE_S = 2.0
+"""How long a silence is put down to the computer."""
 
 
 class Advanced(Protocol):
@@ -79,6 +64,31 @@ class WallClock:
     async def sleep(self, seconds: float) -> None:
         """Let everybody else have a turn, and `seconds` pass."""
         await asyncio.sleep(seconds)
+
+
+class LagRecord:
+    """Delays in s. It never grows beyond `KEPT`."""
+
+    def __init__(self) -> None:
+        self._delays_s: deque[float] = deque(maxlen=KEPT)
+
+    def __len__(self) -> int:
+        return len(self._delays_s)
+
+    def add(self, delay_s: float) -> None:
+        """Take down one more delay."""
+        self._delays_s.append(delay_s)
+
+    def quantile_s(self, share: float) -> float:
+        """Return the least delay that `share` (0 to 1) of the delays do not exceed.
+
+        Raises:
+            ValueError: nothing has been taken down.
+        """
+        if not self._delays_s:
+            raise ValueError("no delays")
+        ordered = sorted(self._delays_s)
+        return ordered[max(math.ceil(share * len(ordered)), 1) - 1]
 
 
 async def keep_time(
@@ -120,13 +130,6 @@ async def run_clock(
             for host in tuple(hosts):
                 host.flush()
             await clock.sleep(0.0)
-
-
-HEARD_S = 0.18
-"""How far time runs on without a word of the host: a lease that it has just renewed holds beyond that."""
-
-PATIENCE_S = 2.0
-"""How long a silence is put down to the computer."""
 
 
 class PatientTime:

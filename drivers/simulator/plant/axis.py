@@ -1,4 +1,4 @@
-"""An ideal follower, in place of an axis whose servo is of no interest. Positions are motor counts."""
+"""An axis of the simulated lathe: an ideal follower, its scale, and the hard stops at its ends. Motor counts."""
 
 from __future__ import annotations
 
@@ -13,6 +13,15 @@ read_encoder: Callable[[float], int] = round
 because it stands in the innermost loop of all."""
 
 DRAWN_AT_ONCE = 4096
+
+OPEN_LOOP_COUNTS_PER_S = 100_000.0
+"""Speed that a full open-loop output drives an ideal axis to, in the time constant with which it runs out."""
+
+BARE_COAST_S = 0.1
+"""How an axis runs out that has no machine behind it, time constant."""
+
+BARE_ORIGIN = 500.0
+"""Where such an axis stands at power-up, in counts from a home trigger."""
 
 
 class Scale:
@@ -36,16 +45,6 @@ class NoisyScale(Scale):
             self._drawn = self._generator.normal(0.0, self._rms_counts, DRAWN_AT_ONCE).tolist()
         self.before, self.now = self.now, self._drawn.pop()
         return round(place + self.now)
-
-
-OPEN_LOOP_COUNTS_PER_S = 100_000.0
-"""Speed that a full open-loop output drives an ideal axis to, in the time constant with which it runs out."""
-
-BARE_COAST_S = 0.1
-"""How an axis runs out that has no machine behind it, time constant."""
-
-BARE_ORIGIN = 500.0
-"""Where such an axis stands at power-up, in counts from a home trigger."""
 
 
 class IdealAxis:

@@ -1,4 +1,4 @@
-"""A mass that slides on dry guides: exact through a servo cycle, the stop and the start in it included."""
+"""A mass on dry guides, driven by a current that lags: exact through a servo cycle, stop and start included."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 The force is that of the fresh strip, which the feed brings under the tool: its depth is from the surface that is
 met there, the blank or what an earlier pass has left, down to the tip. What the land rubs behind it is left out.
+What a cut asks of spindle and tool is the main force of the law by which it is predicted, at the true edge.
 """
 
 from __future__ import annotations
@@ -16,6 +17,12 @@ from profiles.materials import MATERIALS, Material, material_or_none
 
 ALUMINIUM = MATERIALS[0]
 """Wrought, not hardenable: what is cut where a job names a material of which nothing is known."""
+
+CELLS = 360
+"""Places round the part in which the surface is known."""
+
+STRIP_MM = 0.1
+"""Length along Z of a ring of such places. A ring counts as cut when the leading edge of the tool has left it."""
 
 
 def material_of(job: Job) -> Material:
@@ -33,13 +40,6 @@ def cutting_force_n(
 def cutting_torque_n_m(job: Job) -> float:
     """Return the torque of the cut of a job."""
     return cutting_force_n(job.depth_of_cut_mm, job.feed_mm_per_rev, material_of(job)) * job.radius_mm / 1000.0
-
-
-CELLS = 360
-"""Places round the part in which the surface is known."""
-
-STRIP_MM = 0.1
-"""Length along Z of a ring of such places. A ring counts as cut when the leading edge of the tool has left it."""
 
 
 class Moving(Protocol):

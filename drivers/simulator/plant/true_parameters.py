@@ -1,4 +1,4 @@
-"""What the simulated machine and the part in its chuck really are, beside what the profiles say of them.
+"""What the simulated machine, its jaws and the part in them really are, beside what the profiles say of them.
 
 The controller, the planner and the console know the nominal values of the machine profile and of the job. The
 iron has these. Where they differ there is something to find and to learn; by default they do not.
@@ -19,39 +19,6 @@ JAW_STIFFNESS_N_PER_UM = 50.0
 """Radial stiffness of a jaw with its guide and its contact, a usual value."""
 
 OVAL = 2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Jaws:
-    """The jaws of a chuck that holds a ring with `force_n` in all, jaw 1 by a share `first_harder` above the mean.
-
-    A radial load bends a ring n times a turn by 1 / (n^2 - 1)^2 of it: an oval is softer than any lobe. Loads
-    W_i at angles a_i make a wave of sum W_i cos n (angle - a_i). With jaw 1 the share d above the mean, the
-    others below it, and n no multiple of the N jaws, that is W d N / (N - 1) against the N W of the lobe.
-    """
-
-    count: int
-    force_n: float
-    first_harder: float
-
-    @property
-    def oval_share(self) -> float:
-        """Amplitude of what comes twice a turn over that of the lobe; two jaws make their lobe of it."""
-        if self.count == OVAL:
-            return 0.0
-        softer = (self.count**2 - 1) ** 2 / (OVAL**2 - 1) ** 2
-        return self.first_harder / (self.count - 1) * softer
-
-    @property
-    def shift_um(self) -> float:
-        """How far jaw 1 presses the whole part off the axis, against the stiffness N k / 2 of the chuck.
-
-        Two opposite jaws are stiff by 2 k along their line, and yield not at all across it.
-        """
-        unbalanced_n = self.force_n / self.count * self.first_harder * self.count / (self.count - 1)
-        stiffness = JAW_STIFFNESS_N_PER_UM * (self.count if self.count == OVAL else self.count / 2.0)
-        return unbalanced_n / stiffness
-
 
 TIP_OFF_BY_UM = 300
 """How far from its nominal radius the tip of a tool may stand that was clamped by hand."""
@@ -261,21 +228,6 @@ def ideal(machine: MachineProfile) -> TrueParameters:
     )
 
 
-def _share(now_n: float, then_n: float) -> float:
-    """Return how the lobe goes with the force that holds a part; what is held as it was found is exactly as found.
-
-    A part that nothing holds is not bent: 0, and so it is where the error is said to be of a part like that.
-    """
-    if now_n == then_n:
-        return 1.0
-    return max(now_n, 0.0) / then_n if then_n > 0.0 else 0.0
-
-
-def _iron_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:
-    """Return how far the iron goes: a little further than anybody should."""
-    return (axis.travel_min_mm - BEYOND_TRAVEL_MM, axis.travel_max_mm + BEYOND_TRAVEL_MM)
-
-
 def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random) -> TrueParameters:
     """Return a lathe set up by hand: chuck at any angle, tool tip near its nominal radius, a spindle with inertia.
 
@@ -290,3 +242,50 @@ def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random
         jaw_1_deg=random.randrange(36_000) / 100.0,
         home_radius_mm=round(machine.tool.home_radius_mm + off_by_mm, 3),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jaws:
+    """The jaws of a chuck that holds a ring with `force_n` in all, jaw 1 by a share `first_harder` above the mean.
+
+    A radial load bends a ring n times a turn by 1 / (n^2 - 1)^2 of it: an oval is softer than any lobe. Loads
+    W_i at angles a_i make a wave of sum W_i cos n (angle - a_i). With jaw 1 the share d above the mean, the
+    others below it, and n no multiple of the N jaws, that is W d N / (N - 1) against the N W of the lobe.
+    """
+
+    count: int
+    force_n: float
+    first_harder: float
+
+    @property
+    def oval_share(self) -> float:
+        """Amplitude of what comes twice a turn over that of the lobe; two jaws make their lobe of it."""
+        if self.count == OVAL:
+            return 0.0
+        softer = (self.count**2 - 1) ** 2 / (OVAL**2 - 1) ** 2
+        return self.first_harder / (self.count - 1) * softer
+
+    @property
+    def shift_um(self) -> float:
+        """How far jaw 1 presses the whole part off the axis, against the stiffness N k / 2 of the chuck.
+
+        Two opposite jaws are stiff by 2 k along their line, and yield not at all across it.
+        """
+        unbalanced_n = self.force_n / self.count * self.first_harder * self.count / (self.count - 1)
+        stiffness = JAW_STIFFNESS_N_PER_UM * (self.count if self.count == OVAL else self.count / 2.0)
+        return unbalanced_n / stiffness
+
+
+def _share(now_n: float, then_n: float) -> float:
+    """Return how the lobe goes with the force that holds a part; what is held as it was found is exactly as found.
+
+    A part that nothing holds is not bent: 0, and so it is where the error is said to be of a part like that.
+    """
+    if now_n == then_n:
+        return 1.0
+    return max(now_n, 0.0) / then_n if then_n > 0.0 else 0.0
+
+
+def _iron_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:
+    """Return how far the iron goes: a little further than anybody should."""
+    return (axis.travel_min_mm - BEYOND_TRAVEL_MM, axis.travel_max_mm + BEYOND_TRAVEL_MM)

@@ -1,0 +1,18 @@
+"""How hard a job may be clamped, for JSON: the same wherever a command judges a job."""
+
+from __future__ import annotations
+
+from profiles.chucking.advice import force_span
+from profiles.job import Job
+from profiles.machine import MachineProfile
+
+
+def span_fields(job: Job, machine: MachineProfile) -> dict[str, float | str]:
+    """Return least and most force at rest, N, the limit of the most, and where the force of the job stands."""
+    span = force_span(job, machine)
+    return {
+        "force_least_n": span.least_n,
+        "force_most_n": span.most_n,
+        "force_limit": span.binding,
+        "force_stands": span.stands(job.chucking_force_n).value,
+    }

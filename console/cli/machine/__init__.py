@@ -1,0 +1,1 @@
+"""Commands that work a machine or its controller, simulated or real."""

@@ -1,0 +1,33 @@
+"""`console controller`: back up, verify and compare what a controller is set to; apply gains, when asked."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from console.cli.arguments import add_link, add_machine
+from console.cli.commands import add_actions
+from console.cli.parser import Parser
+from console.text.catalogue import Catalogue
+
+ACTIONS = ("backup", "verify", "diff", "apply")
+WITH_A_FILE = ("backup", "diff")
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add what can be done with a configuration; each takes the machine and its address."""
+    for name, action in add_actions(parser, "controller", ACTIONS, text).items():
+        if name in WITH_A_FILE:
+            action.add_argument("file", metavar="FILE", help=text("help.backup_file"))
+        add_machine(action, text)
+        add_link(action, text)
+        if name == "apply":
+            action.add_argument("--yes", action="store_true", help=text("help.controller.yes"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Do what is asked for; 1 when something fails or differs."""
+    from console.cli.machine.card_access import opened_card
+    from console.cli.machine.configuration import WORKS
+
+    with opened_card(options, text) as card:
+        return WORKS[options.action](options, card, text)

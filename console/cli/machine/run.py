@@ -1,0 +1,82 @@
+"""`console run`: a whole job, from the saved job to the measured part."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentTypeError, Namespace
+
+from console.cli.arguments import (
+    STAGES,
+    add_job,
+    add_link,
+    add_machine,
+    add_plant,
+    add_sim,
+    add_strategy,
+    compensation,
+    whole_number,
+)
+from console.cli.parser import Parser
+from console.session.signals import Interruption
+from console.text.catalogue import Catalogue
+
+WRONG_USAGE = 2
+MOST_PARTS = 20
+"""Parts in a row that learn."""
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the job, the machine, simulated or real, how it is cut, and where its trace goes."""
+    add_job(parser, text)
+    add_machine(parser, text)
+    add_sim(parser, text, "help.sim")
+    add_link(parser, text)
+    add_strategy(parser, text)
+    add_plant(parser, text)
+    parser.add_argument("--identified", metavar="FILE", help=text("help.identified"))
+    parser.add_argument("--learn", metavar="PARTS", type=_parts, help=text("help.run.learn"))
+    parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))
+    version_help = text("help.compensation")
+    parser.add_argument("--compensation", metavar="VERSION", type=compensation, default="none", help=version_help)
+    parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
+    parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Run a job, on a machine or simulated, and print what became of it.
+
+    The exit code is 1 when nobody agreed to move a machine, 2 for words that belong to a simulated one alone.
+
+    Raises:
+        ProblemError: a refusal before anything moved, or what ended the cut; the machine is at rest.
+    """
+    interruption = Interruption()
+    interruption.install()
+    from console.cli.library import plant_given
+
+    if plant_given(options) and not options.sim:
+        print(f"console run: {text('usage.plant_without_sim')}", file=sys.stderr)
+        return WRONG_USAGE
+    # Numerics take longer to load than the whole command line; the signals are already in hand.
+    from console.cli.library import data_of
+    from console.cli.machine.run_cut import agreed_to, cut_ordered
+    from console.cli.machine.run_order import ordered
+    from console.cli.output import tell
+    from console.session.data.killed_runs import killed_runs
+    from profiles.files import remove_all_left
+
+    order = ordered(options)
+    remove_all_left(data_of(options))
+    killed = killed_runs(data_of(options), order.machine.machine.name, simulated=order.simulated)
+    warnings = tell((*killed, *order.warnings), text)
+    if order.address is not None and not agreed_to(options, order, text):
+        return 1
+    cut_ordered(options, order, interruption, warnings, text)
+    return 0
+
+
+def _parts(word: str) -> int:
+    parts = whole_number(word)
+    if not 1 <= parts <= MOST_PARTS:
+        raise ArgumentTypeError(Parser.text("usage.parts", value=word, limit=MOST_PARTS))
+    return parts

@@ -1,0 +1,208 @@
+"""What `console run` says, prints and keeps around the cut that was ordered."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from argparse import Namespace
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from console.cli.agreement import agreed
+from console.cli.clamping_lines import force_line
+from console.cli.library import data_of
+from console.cli.machine.learning_fields import learning_fields
+from console.cli.machine.learning_lines import learning_lines
+from console.cli.machine.run_fields import run_fields
+from console.cli.machine.run_lines import run_lines
+from console.cli.machine.run_order import RunOrder
+from console.cli.machine.run_places import cut, cut_learning
+from console.cli.output import print_json
+from console.cli.output import tell as tell_problems
+from console.session.cut.engine import Step
+from console.session.cut.run import RunResult, TellPart
+from console.session.data.learned_store import NONE
+from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
+from console.session.data.records import DRIVES_ON_PATIENCE_S, OPEN_PATIENCE_S, RunRecord, begin_record
+from console.session.errors import SessionError
+from console.session.signals import Interruption
+from console.session.stages import Stage
+from console.text.catalogue import Catalogue
+from drivers.link.tracing import Tracing
+from profiles.traces import write_trace
+
+Result = TypeVar("Result")
+
+
+def agreed_to(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
+    """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
+    machine, job = order.plan.machine, order.plan.job
+    rests_on = text(
+        "run.rests_on",
+        machine=machine.name,
+        address=order.address,
+        radius=f"{machine.tool.home_radius_mm:.3f}",
+        jaw=f"{job.jaw_1_deg:.2f}",
+        force=f"{job.chucking_force_n:.0f}",
+    )
+    print(f"{rests_on}\n{force_line(job, machine, text)}", file=sys.stderr)
+    return agreed(options, machine.name, order.simulated, text, "run")
+
+
+def cut_ordered(
+    options: Namespace, order: RunOrder, interruption: Interruption, warnings: list[str], text: Catalogue
+) -> None:
+    """Cut with a record and, where one is asked for, a trace, and print what became of it.
+
+    What ended the trace is added to the warnings.
+    """
+    tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {order.job.job.name}")
+    data, parts = data_of(options), order.parts
+    record = _record(data, order)
+    tell_cut_with(options, order, text)
+    tell = _teller(options, text, interruption, record.add, order)
+    try:
+        if parts is None:
+            there = partial(cut, order, data, interruption, tracing, tell, text)
+            result = _recorded(record, warnings, order, there, run_fields)
+        else:
+            row = partial(cut_learning, order, parts, interruption, tracing, tell)
+            learned = _recorded(record, warnings, order, row, learning_fields)
+    finally:
+        warnings += tell_problems(tracing.problems, text)
+    if parts is not None:
+        warnings += tell_problems(learned.warnings, text)
+        _print(options, learning_fields(learned, warnings), learning_lines(learned, text))
+        return
+    lines = [*run_lines(result, text), *learn_hint(options, order, text)]
+    _print(options, run_fields(result, warnings), lines)
+    _save_part(order, result)
+
+
+def _print(options: Namespace, fields: dict[str, object], lines: list[str]) -> None:
+    if options.json:
+        print_json(fields)
+    else:
+        print("\n".join(lines))
+
+
+def _teller(
+    options: Namespace,
+    text: Catalogue,
+    interruption: Interruption,
+    keep: Callable[[str, dict[str, object]], None],
+    order: RunOrder,
+) -> TellPart:
+    """Return what is told at each step: a line for people, an event for the record."""
+    sim = f"{text('sim')}  " if order.simulated else ""
+
+    def tell(part: str, step: Step, detail: str) -> None:
+        keep("step", {"part": part, "step": step.value, "detail": detail})
+        if options.json:
+            return
+        if step.value == "cut":
+            detail = f"{detail} · {text('run.how_to_stop')}"
+        try:
+            print(f"{sim}{text(f'part.{part}')}  {text(f'step.{step}')}  {detail}".rstrip())
+            sys.stdout.flush()
+        except OSError:
+            # Nobody can see the machine any more, so it is not to go on.
+            interruption.end("output closed")
+
+    return tell
+
+
+def tell_cut_with(options: Namespace, order: RunOrder, text: Catalogue) -> None:
+    """Print, for people, the lines in front of the steps: the stage, which compensation it is cut with, the force.
+
+    A machine was cut on only after somebody has agreed, who has read the force before that.
+    """
+    if options.json:
+        return
+    plan = order.plan
+    which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
+    said = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
+    lines = [said] if order.address else [said, force_line(order.job.job, order.machine.machine, text)]
+    # In one piece: a reader that goes away behind the first line is missed at the first step, which stops the cut.
+    print("".join(f"{text('sim')}  {line}\n" if order.simulated else f"{line}\n" for line in lines), end="")
+
+
+def _save_part(order: RunOrder, result: RunResult) -> None:
+    """Write the trace of the part where one was asked for, with header lines that say what it was cut with.
+
+    Raises:
+        ProfileError: `file.exists`, `file.not_writable`.
+    """
+    if order.part_file is None or result.trace is None:
+        return
+    plan = order.plan
+    made = {
+        "compensation": NONE if plan.compensation is None else str(plan.compensation),
+        "strategy": plan.cut.strategy.value,
+        "stage": plan.stage.value,
+        INVERTED: plan.inverted or MODEL,
+        CUT_JAW: AS_FILED,
+    }
+    write_trace(order.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
+
+
+def learn_hint(options: Namespace, order: RunOrder, text: Catalogue) -> list[str]:
+    """Return how to learn from the part; nothing of one in air, or by a strategy that follows no path."""
+    if not order.plan.cut.strategy.traits.inverts or order.plan.stage is Stage.AIR:
+        return []
+    if order.simulated and order.part_file is None:
+        return []
+    words = ["console", "learn", options.part or "FILE.csv", "--job", options.job]
+    if options.machine:
+        words += ["--machine", options.machine]
+    if options.identified:
+        words += ["--identified", options.identified]
+    return [text("run.learn_from_it", command=shlex.join(words))]
+
+
+def _record(data: Path, order: RunOrder) -> RunRecord:
+    """Begin the record of a run. On a lathe in this process no drive waits for other writers.
+
+    Raises:
+        SessionError: as `RunRecord`; nothing was started.
+    """
+    return begin_record(
+        data,
+        order.job.job.name,
+        order.job.sha256,
+        order.machine,
+        order.plan.cut,
+        simulated=order.simulated,
+        open_patience_s=OPEN_PATIENCE_S,
+        patience_s=OPEN_PATIENCE_S if order.address is None else DRIVES_ON_PATIENCE_S,
+    )
+
+
+def _recorded(
+    record: RunRecord,
+    warnings: list[str],
+    order: RunOrder,
+    work: Callable[[], Result],
+    told: Callable[[Result, list[str]], dict[str, object]],
+) -> Result:
+    """Run, and keep in the record how it went, as it is `told`, however it ends.
+
+    With the plan it keeps the dates of the calibrations with which the job was judged.
+    """
+    try:
+        duration_s, used = order.plan.cut.duration_s, order.machine.used
+        record.add("planned", {"warnings": warnings, "duration_s": duration_s, "calibrations": used})
+        result = work()
+        record.add("result", told(result, warnings))
+    except BaseException as error:
+        # What ended the run matters more than a record that cannot take it.
+        with suppress(SessionError):
+            record.add("ended", {"reason": str(error) or type(error).__name__})
+        raise
+    finally:
+        record.close()
+    return result

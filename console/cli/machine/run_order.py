@@ -1,0 +1,173 @@
+"""What `console run` was asked for: a job on a machine at a place, planned, with nothing sent yet."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.cli.library import data_of, job_of, machine_of, true_parameters_of
+from console.session.cut.run import RunPlan, plan_run
+from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
+from console.session.data.identified import response_in
+from console.session.data.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
+from console.session.errors import SessionError
+from console.session.learning.learning import refuse_unlearnable
+from console.session.stages import Stage, nominal_path
+from console.session.station.whereabouts import address_of
+from drivers.cutting.strategy import Strategy
+from drivers.lathe.heartbeat import cut_condition
+from drivers.link.address import LinkAddress, SimulatedAddress
+from drivers.simulator.plant.true_parameters import TrueParameters
+from profiles.axis.response import ServoResponse
+from profiles.compensations.learned import LearnedCompensation, differences
+from profiles.compensations.path import CutPath
+from profiles.files import printable
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProblemError
+from profiles.store import LoadedJob, LoadedMachine
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOrder:
+    """`address` is None for a simulated machine in this process, in the time that computing it takes.
+
+    `true` is what that one is really like, None as its profile says. `parts` are so many in a row that learn.
+    `part_file` is where the trace of the part is written. `warnings` are told before anything moves, among them
+    what was learned that this cut does without.
+    """
+
+    job: LoadedJob
+    machine: CalibratedMachine
+    plan: RunPlan
+    address: LinkAddress | None
+    true: TrueParameters | None = None
+    parts: int | None = None
+    part_file: Path | None = None
+    warnings: tuple[Problem, ...] = ()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no iron is behind it."""
+        return self.address is None or isinstance(self.address, SimulatedAddress)
+
+
+def ordered(options: Namespace) -> RunOrder:
+    """Load and plan what the command line asks for.
+
+    Raises:
+        ProblemError: everything that forbids it; nothing was opened.
+    """
+    job, machine = job_of(options), calibrated(machine_of(options), data_of(options))
+    address = None if options.sim else address_of(machine.machine, options.link, simulated=False)
+    simulated = address is None or isinstance(address, SimulatedAddress)
+    part_file = _part_file(options, simulated=simulated)
+    asked = asked_for(job, machine, options.strategy, simulated=simulated)
+    known = () if options.compensation == NONE else versions(data_of(options), asked)
+    learned = chosen(options.compensation, known, asked)
+    inverted = _inverted(options, machine.machine, simulated=simulated)
+    path = _path(job.job, machine.machine, options, learned, inverted)
+    plan = plan_run(
+        job.job,
+        machine.machine,
+        Strategy(options.strategy),
+        options.ts,
+        str(job.path),
+        lease=cut_condition(machine.machine),
+        stage=Stage(options.stage),
+        path=path,
+        inverted="" if inverted is None else inverted.name,
+        compensation=None if learned is None else learned.version,
+        simulated=simulated,
+    )
+    unused = _unused(options, job, machine, simulated=simulated)
+    true = None if address is not None else true_parameters_of(options, machine.machine)
+    if options.learn is not None:
+        _refuse_beside_learning(options)
+        refuse_unlearnable(plan, measured=address is None)
+    return RunOrder(
+        job=job,
+        machine=machine,
+        plan=plan,
+        address=address,
+        true=true,
+        parts=options.learn,
+        part_file=part_file,
+        warnings=(*machine.warnings, *date_problems(learned), *unused, *plan.warnings),
+    )
+
+
+def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool) -> tuple[Problem, ...]:
+    """Return that a version was learned for this job and is not asked for; parts in a row begin from the job."""
+    if options.compensation != NONE or options.learn is not None or not Strategy(options.strategy).traits.inverts:
+        return ()
+    try:
+        newest = accepted(job, machine, data_of(options), simulated=simulated)
+    except ProblemError as error:
+        return tuple(error.problems)  # a cut without them does not need them
+    if newest is None or newest.is_model:
+        return ()
+    strategy = newest.holds_for.strategy
+    if differences(newest, asked_for(job, machine, strategy, simulated=simulated)):
+        return ()
+    return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
+
+
+def _inverted(options: Namespace, machine: MachineProfile, *, simulated: bool) -> ServoResponse | None:
+    """Return the identified response that is to be inverted, None where the model is."""
+    if options.identified is None:
+        return None
+    return response_in(Path(options.identified), machine, Strategy(options.strategy), simulated=simulated)
+
+
+def _path(
+    job: Job,
+    machine: MachineProfile,
+    options: Namespace,
+    learned: LearnedCompensation | None,
+    inverted: ServoResponse | None,
+) -> CutPath | None:
+    """Return what was learned, or the inverse of what was identified; None where nothing of it was asked for.
+
+    Raises:
+        SessionError: `run.two_inverses`, both were.
+    """
+    if inverted is None:
+        return None if learned is None else learned.path
+    if learned is not None:
+        raise SessionError(Problem(code="run.two_inverses", key="--compensation", value="--identified"))
+    return nominal_path(job, machine, Strategy(options.strategy), inverted)
+
+
+def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
+    """Return where the trace of the part goes; better refused now than when the part is cut.
+
+    Raises:
+        SessionError: `run.no_part`, nobody measures it here; `file.exists`.
+    """
+    if options.part is None:
+        return None
+    if not simulated or options.stage == Stage.AIR:
+        raise SessionError(Problem(code="run.no_part", key="--part", value=options.part))
+    path = Path(options.part)
+    if path.exists():
+        raise SessionError(Problem(code="file.exists", where=printable(options.part)))
+    return path
+
+
+def _refuse_beside_learning(options: Namespace) -> None:
+    """Refuse what parts in a row do by themselves.
+
+    Raises:
+        SessionError: `learning.alone`.
+    """
+    given = {
+        "--compensation": options.compensation != NONE,
+        "--stage": options.stage != Stage.FULL,
+        "--part": options.part is not None,
+        "--identified": options.identified is not None,
+    }
+    if any(given.values()):
+        value = ", ".join(option for option, there in given.items() if there)
+        raise SessionError(Problem(code="learning.alone", key="--learn", value=value))

@@ -1,0 +1,90 @@
+"""Where `console run` cuts: on a machine behind a link, or on a simulated one in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from console.cli.machine.run_order import RunOrder
+from console.cli.machine.stopping import Stopping
+from console.session.cut.context import CutContext
+from console.session.cut.in_process import simulated_context
+from console.session.cut.run import RunResult, TellPart, run, run_once
+from console.session.errors import SessionError
+from console.session.learning.learning import LearnResult, learn
+from console.session.signals import Interruption
+from console.session.station.commissioned import Commissioned
+from console.session.station.reaching import Reached, guard, leave, machine_context, reach
+from console.text.catalogue import Catalogue
+from drivers.link.address import LinkAddress
+from drivers.link.tracing import Tracing
+from profiles.problem import Problem
+
+
+def cut_learning(
+    order: RunOrder, parts: int, interruption: Interruption, tracing: Tracing, tell: TellPart
+) -> LearnResult:
+    """Cut parts in a row on one simulated machine, each with what the ones before have taught.
+
+    Raises:
+        ProblemError: a refusal, or what ended a cut; the machine is at rest.
+    """
+    return learn(order.plan, _simulated(order, interruption, tracing), tell, parts)
+
+
+def cut(
+    order: RunOrder, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
+) -> RunResult:
+    """Cut what was ordered, where it was ordered.
+
+    Raises:
+        ProblemError: a refusal, or what ended the cut; the machine is at rest.
+    """
+    if order.address is None:
+        return run(order.plan, _simulated(order, interruption, tracing), tell)
+    return _run_there(order, order.address, data, interruption, tracing, tell, text)
+
+
+def _run_there(
+    order: RunOrder,
+    address: LinkAddress,
+    data: Path,
+    interruption: Interruption,
+    tracing: Tracing,
+    tell: TellPart,
+    text: Catalogue,
+) -> RunResult:
+    """Cut one part on a machine behind a link, and leave it with its drives off; say on stderr how a stop goes."""
+    stopping = Stopping(interruption, text)
+    reached = reach(order.machine, address, data, tracing, stopping.seen)
+    try:
+        guard(interruption, reached.lathe, reached.clock.now_s)
+        with stopping.watching(reached.stop):
+            return _cut_there(order, reached, data, tell)
+    finally:
+        reached.close()
+
+
+def _cut_there(order: RunOrder, reached: Reached, data: Path, tell: TellPart) -> RunResult:
+    try:
+        commissioned = Commissioned(
+            reached.client, reached.heartbeat, order.machine.machine, data, simulated=reached.simulated
+        )
+        result = run_once(order.plan, machine_context(reached, commissioned), tell)
+        if not leave(reached.lathe, reached.owning):
+            raise SessionError(Problem(code="machine.state_unknown"))
+        return result
+    except BaseException:
+        leave(reached.lathe, reached.owning)
+        raise
+
+
+def _simulated(order: RunOrder, interruption: Interruption, tracing: Tracing) -> Callable[[], CutContext]:
+    """Return a function that opens a simulated machine of its own for each part."""
+
+    def open_machine() -> CutContext:
+        context, _ = simulated_context(order.machine.machine, order.true, tracing)
+        interruption.guard(context.lathe.stop)
+        return context
+
+    return open_machine

@@ -1,0 +1,1 @@
+"""Commands about what was measured: a part, the chuck, the paper."""

@@ -1,0 +1,75 @@
+"""`console roundness`: the roundness of a measured trace."""
+
+from __future__ import annotations
+
+from argparse import ArgumentTypeError, Namespace
+from dataclasses import replace
+
+from console.cli.arguments import number, whole_number
+from console.cli.parser import Parser
+from console.text.catalogue import Catalogue
+
+REFERENCE_CIRCLES = ("LSC", "MZC", "MCC", "MIC")
+LOWEST_UPR, HIGHEST_UPR = 1.0, 10_000.0
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the trace, its filter, the reference circle and what a V-block needs."""
+    parser.add_argument("file", metavar="FILE.csv", help=text("help.file"))
+    filters = parser.add_mutually_exclusive_group()
+    filters.add_argument("--filter", metavar="UPR|none", default="50", type=_filter, help=text("help.filter"))
+    filters.add_argument("--band", metavar="LOW:HIGH", type=_band, help=text("help.band"))
+    parser.add_argument("--circle", choices=REFERENCE_CIRCLES, default="LSC", help=text("help.circle"))
+    parser.add_argument("--robust", action="store_true", help=text("help.robust"))
+    parser.add_argument("--vblock", metavar="DEG", type=number, help=text("help.vblock"))
+    parser.add_argument("--lobes", metavar="N", type=whole_number, help=text("help.lobes"))
+    parser.add_argument("--job", metavar="JOB", help=text("help.roundness_job"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Evaluate a trace and print its roundness; warnings go to stderr."""
+    from console.cli.measured.measured_trace import measured_trace, naming, of_circle
+    from console.cli.measured.roundness_fields import trace_fields
+    from console.cli.measured.roundness_lines import roundness_lines
+    from console.cli.measured.v_block import read_v_block, v_block_fields, v_block_lines
+    from console.cli.output import print_json, tell
+    from profiles.files import printable
+
+    measured = measured_trace(options)
+    warnings = tell(measured.result.warnings, text)
+    if options.vblock is not None:
+        with naming(printable(options.file)):
+            lobe = read_v_block(measured.result, options.vblock, options.lobes)
+        fields, lines = v_block_fields(lobe, measured.header), v_block_lines(lobe, text)
+    else:
+        shown = of_circle(measured.result, options.circle)
+        measured = replace(measured, result=shown)
+        fields, lines = trace_fields(measured), roundness_lines(measured, text)
+    if options.json:
+        print_json({"file": options.file, **fields, "meta": dict(measured.trace.meta), "warnings": warnings})
+        return 0
+    print("\n".join(lines))
+    return 0
+
+
+def _filter(word: str) -> float | None:
+    if word == "none":
+        return None
+    try:
+        value = float(word)
+    except ValueError:
+        value = 0.0
+    if not LOWEST_UPR <= value <= HIGHEST_UPR:
+        raise ArgumentTypeError(Parser.text("usage.filter", value=word))
+    return value
+
+
+def _band(word: str) -> tuple[float, float]:
+    low, _, high = word.partition(":")
+    try:
+        band = float(low), float(high)
+    except ValueError:
+        band = 0.0, 0.0
+    if not LOWEST_UPR <= band[0] < band[1] <= HIGHEST_UPR:
+        raise ArgumentTypeError(Parser.text("usage.band", value=word))
+    return band

@@ -1,0 +1,70 @@
+"""What the run record says of earlier parts: the last measured roundness of each job."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from console.session.errors import SessionError
+from profiles.own_values import from_json, number, text
+
+LOCK_TIMEOUT_S = 0.1
+"""How long a writer is waited for; a list of jobs is not worth more."""
+
+# By row, which is the order in which they were added: a clock may have been set back meanwhile.
+_QUERY = """
+SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
+WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastResult:
+    """The last measured part of a job.
+
+    `ront_um` is RONt of the least squares circle, free state, filtered as `console.session.cut.run` says.
+    `strategy` is how it was cut ("none": without compensation), `parts` how many were measured in all.
+    """
+
+    ront_um: float
+    measured_at: datetime
+    strategy: str
+    parts: int
+
+
+LastResults = Mapping[str, LastResult]
+"""By the name of the job, as it stands in its file."""
+
+
+def last_results(folder: Path, *, simulated: bool) -> LastResults:
+    """Return the last results in the record in `folder`, of the simulator's parts or of real ones.
+
+    A record that is missing, locked or not to be read says nothing: the mapping is empty then.
+    """
+    results: dict[str, LastResult] = {}
+    for data, at_utc in _measured(folder, simulated):
+        try:
+            event = from_json(data)
+            job, ront_um = text(event["job"]), number(event["ront_um"])
+            strategy = text(event.get("strategy", ""))
+            measured_at = datetime.fromisoformat(at_utc).astimezone(UTC)
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
+            continue  # written by another version
+        parts = results[job].parts + 1 if job in results else 1
+        results[job] = LastResult(ront_um=ront_um, measured_at=measured_at, strategy=strategy, parts=parts)
+    return results
+
+
+def _measured(folder: Path, simulated: bool) -> list[tuple[str, str]]:
+    """Return the data and the time of every measured part, oldest first."""
+    # The first page is painted before anything is read.
+    import sqlite3
+
+    from console.session.data.record_file import rows
+
+    try:
+        return rows(folder, _QUERY, (int(simulated),), LOCK_TIMEOUT_S)
+    except (SessionError, sqlite3.Error):
+        return []
