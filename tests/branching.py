@@ -10,7 +10,7 @@ import os
 import pickle
 import traceback
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NoReturn, TypeVar
 
 LENGTH_BYTES = 8
 
@@ -47,8 +47,24 @@ class Branching(Generic[Asked, Returned]):
         return returned  # type: ignore[no-any-return]
 
 
-def _run(run: Callable[[Callable[[], Any]], Any], asked: int, answered: int) -> None:
-    """Run to the end of this process, which is a copy: nothing of it may go on."""
+def in_a_copy(act: Callable[[], None]) -> None:
+    """Do something in a copy of this process, so that all is as before.
+
+    Raises AssertionError: it has raised something, with all of it.
+    """
+    answer, answered = os.pipe()
+    copy = os.fork()
+    if not copy:
+        _answer(act, answered)
+    os.close(answered)
+    _, failed = _read(answer)
+    os.close(answer)
+    os.waitpid(copy, 0)
+    assert failed is None, failed
+
+
+def _run(run: Callable[[Callable[[], Any]], Any], asked: int, answered: int) -> NoReturn:
+    """Run to the point, and go on from there in a copy for each thing that is asked."""
 
     def wait() -> Any:
         while True:
@@ -58,11 +74,17 @@ def _run(run: Callable[[Callable[[], Any]], Any], asked: int, answered: int) -> 
                 return question
             os.waitpid(copy, 0)
 
+    _answer(lambda: run(wait), answered)
+
+
+def _answer(act: Callable[[], Any], answered: int) -> NoReturn:
+    """Say what comes of it, and end this process: it is a copy, and nothing else of it may go on."""
+    said: tuple[Any, str | None]
     try:
         try:
-            said: tuple[Any, str | None] = (run(wait), None)
+            said = act(), None
         except BaseException:
-            said = (None, traceback.format_exc())
+            said = None, traceback.format_exc()
         _write(answered, said)
     finally:
         os._exit(0)
