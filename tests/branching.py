@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import pickle
 import traceback
+import warnings
 from collections.abc import Callable
 from typing import Any, Generic, NoReturn, TypeVar
 
@@ -28,7 +29,7 @@ class Branching(Generic[Asked, Returned]):
     def __init__(self, run: Callable[[Callable[[], Asked]], Returned]) -> None:
         asked, self._ask = os.pipe()
         self._answer, answered = os.pipe()
-        if os.fork():
+        if _fork():
             os.close(asked)
             os.close(answered)
             return
@@ -53,7 +54,7 @@ def in_a_copy(act: Callable[[], None]) -> None:
     Raises AssertionError: it has raised something, with all of it.
     """
     answer, answered = os.pipe()
-    copy = os.fork()
+    copy = _fork()
     if not copy:
         _answer(act, answered)
     os.close(answered)
@@ -69,7 +70,7 @@ def _run(run: Callable[[Callable[[], Any]], Any], asked: int, answered: int) -> 
     def wait() -> Any:
         while True:
             question = _read(asked)
-            copy = os.fork()
+            copy = _fork()
             if not copy:
                 return question
             os.waitpid(copy, 0)
@@ -88,6 +89,13 @@ def _answer(act: Callable[[], Any], answered: int) -> NoReturn:
         _write(answered, said)
     finally:
         os._exit(0)
+
+
+def _fork() -> int:
+    """Copy this process with the one thread that calls: the others of a worker only carry what it says."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # from Python 3.12 on, where there are other threads
+        return os.fork()
 
 
 def _write(pipe: int, value: object) -> None:
