@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -145,3 +146,20 @@ def open_floor(
 def experiment_1(cut_length_mm: float = 3.0) -> Job:
     """The first job of the paper, with a shorter cut: what it takes to plan and to cut goes with its turns."""
     return replace(load_job("lee-2001-experiment-1").job, cut_length_mm=cut_length_mm)
+
+
+_SET_UP: dict[float, Floor] = {}
+
+
+def set_up_once(records: Path, cut_length_mm: float = 3.0) -> Floor:
+    """A floor set up for experiment 1, the same for all who ask: work it in a copy of the process alone.
+
+    What is written in its records is taken away.
+    """
+    if cut_length_mm not in _SET_UP:
+        _SET_UP[cut_length_mm] = open_floor(records)
+        _SET_UP[cut_length_mm].set_up(experiment_1(cut_length_mm))
+    floor = _SET_UP[cut_length_mm]
+    shutil.rmtree(floor.place.records)
+    floor.place.records.mkdir()
+    return floor

@@ -11,16 +11,14 @@ from console.session.station.intents import ConfirmClamping, Hold, Jog, Recover,
 from console.session.station.progress import CutStage
 from console.session.station.state import StationState
 from drivers.lathe.snapshot import AxisName
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, set_up_once
 
 JOB = experiment_1()
 
 
 @pytest.fixture
-def aligned(tmp_path: Path) -> Floor:
-    floor = open_floor(tmp_path)
-    floor.set_up(JOB)
-    return floor
+def aligned(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path)
 
 
 def in_the_part(floor: Floor) -> bool:

@@ -11,17 +11,15 @@ from console.session.station.intents import Hold, Home, Jog, Measure, Recover, S
 from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, set_up_once
 
 LONG_MM = 1.0
 """Sixteen mm of feed a second: a cut of 30 turns, two seconds."""
 
 
 @pytest.fixture
-def floor(tmp_path: Path) -> Floor:
-    floor = open_floor(tmp_path)
-    floor.set_up(experiment_1(LONG_MM))
-    return floor
+def floor(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path, LONG_MM)
 
 
 def told(state: StationState) -> list[str]:
@@ -89,7 +87,7 @@ def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Flo
     ],
 )
 def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
-    floor: Floor, line: str, reason: str, tmp_path: Path
+    floor: Floor, line: str, reason: str
 ) -> None:
     state, _ = cut_with(floor, line)
     assert {"cut.ended_early", reason} <= set(told(state))
@@ -99,7 +97,7 @@ def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
     floor.do(Recover())
     refused = floor.do(Measure())
     assert [problem.code for problem in refused.refusals] == ["session.nothing_cut"]
-    assert (tmp_path / FILE_NAME).exists()
+    assert (floor.place.records / FILE_NAME).exists()
 
 
 @pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.PVT])

@@ -30,7 +30,7 @@ from drivers.errors import LinkError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from profiles.problem import Problem
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, open_floor, set_up_once
 
 
 @pytest.fixture
@@ -39,9 +39,8 @@ def floor(tmp_path: Path) -> Floor:
 
 
 @pytest.fixture
-def aligned(floor: Floor) -> Floor:
-    floor.set_up(experiment_1())
-    return floor
+def aligned(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path)
 
 
 def codes(state: StationState) -> list[str]:
@@ -311,11 +310,11 @@ def test_leaving_in_mid_motion_stops_and_switches_off(floor: Floor) -> None:
     assert snapshot.at_rest and snapshot.loops_open
 
 
-def test_every_cut_is_in_the_record(aligned: Floor, tmp_path: Path) -> None:
+def test_every_cut_is_in_the_record(aligned: Floor) -> None:
     aligned.arm(experiment_1())
     aligned.do(Start())
     aligned.do(Measure())
-    with sqlite3.connect(tmp_path / "records.sqlite3") as database:
+    with sqlite3.connect(aligned.place.records / "records.sqlite3") as database:
         kinds = [kind for (kind,) in database.execute("SELECT kind FROM events ORDER BY number")]
         runs = database.execute("SELECT job, simulated, strategy FROM runs").fetchall()
     database.close()

@@ -18,6 +18,7 @@ from drivers.pmac.client import PmacClient
 from profiles.compensations.path import wanted_path
 from profiles.roundness import evaluate
 from tests.drivers.close_families import machine as machine
+from tests.drivers.families import ON_ONE
 
 if TYPE_CHECKING:
     from profiles.job import Job
@@ -122,6 +123,7 @@ def test_a_hold_at_any_moment_leaves_whole_turns_and_no_mark(
     assert is_left_in_order(found)
 
 
+@ON_ONE
 @pytest.mark.parametrize("hold_s", [4.0, 4.33])
 def test_the_paper_program_is_held_at_the_end_of_a_turn_too(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, hold_s: float
@@ -140,6 +142,7 @@ def test_the_paper_program_is_held_at_the_end_of_a_turn_too(
     assert found.tool.max() < found.plan.setup.surface + 775 + 5
 
 
+@ON_ONE
 @pytest.mark.parametrize("phase_deg", [0.0, 25.0, 47.0, 90.0])
 def test_a_cut_that_is_not_held_ends_with_a_whole_turn_without_a_mark(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, phase_deg: float
@@ -152,6 +155,7 @@ def test_a_cut_that_is_not_held_ends_with_a_whole_turn_without_a_mark(
     assert is_left_in_order(found)
 
 
+@ON_ONE
 def test_what_was_cut_before_a_hold_is_as_round_as_a_whole_cut(
     bench: Bench, machine: MachineProfile, experiment: JobMaker
 ) -> None:
@@ -163,6 +167,7 @@ def test_what_was_cut_before_a_hold_is_as_round_as_a_whole_cut(
     assert evaluate(trace.angle_deg, trace.deviation_um, None).ront_um < 1.0
 
 
+@ON_ONE
 @pytest.mark.parametrize("strategy", list(Strategy))
 def test_a_hold_before_the_feed_ends_clear_of_the_part(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
@@ -176,6 +181,7 @@ def test_a_hold_before_the_feed_ends_clear_of_the_part(
     assert found.last.at_rest
 
 
+@ON_ONE
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.PAPER])
 def test_a_held_program_runs_from_its_beginning_the_next_time(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy

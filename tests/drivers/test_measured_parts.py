@@ -38,6 +38,12 @@ def measured(bench: Bench) -> RoundnessResult:
     return evaluate(trace.angle_deg, trace.deviation_um, None)
 
 
+@pytest.fixture(scope="session")
+def experiment(experiment: JobMaker) -> JobMaker:
+    """The trace is of one turn in the middle: half the cut of the paper shows the same."""
+    return lambda number: replace(experiment(number), cut_length_mm=4.0)
+
+
 @pytest.mark.parametrize(("number", "ront"), [(1, 55.0), (2, 33.0)])
 def test_uncompensated_the_experiments_measure_what_the_paper_measured(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, number: int, ront: float

@@ -18,6 +18,7 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from tests.drivers.commissioned import Commissioned, Watched, commissioned
 from tests.drivers.cut_floor import with_inverter
+from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families
 
 
@@ -72,6 +73,7 @@ def test_the_lobe_in_air_is_the_fastest_of_the_machine(machine: MachineProfile) 
     assert air_cut(slow).turn_ms == 120
 
 
+@ON_ONE
 def test_the_tool_makes_its_lobe_in_air_and_the_spindle_turns(machine: MachineProfile) -> None:
     card = commissioned(machine)
     track: list[tuple[float, float]] = []
@@ -99,6 +101,7 @@ def test_nothing_moves_where_no_plc_may_run(machine: MachineProfile) -> None:
     assert not any(motor.amplifier_enabled for motor in card.sim.controller.motors.values())
 
 
+@ON_ONE
 def test_an_axis_that_runs_on_too_far_is_found_and_nothing_else_is_moved(machine: MachineProfile) -> None:
     card = commissioned(machine)
     made = card.bench()
@@ -110,6 +113,7 @@ def test_an_axis_that_runs_on_too_far_is_found_and_nothing_else_is_moved(machine
     assert found.checks[-1] is check
 
 
+@ON_ONE
 def test_without_a_heartbeat_the_jog_is_stopped_in_another_way(machine: MachineProfile) -> None:
     card = commissioned(machine)
     made = card.bench()
@@ -126,6 +130,7 @@ def test_without_a_heartbeat_the_jog_is_stopped_in_another_way(machine: MachineP
     assert (Way.LEASE, Origin.CUT) not in {(each.way, each.origin) for each in found.entries}
 
 
+@ON_ONE
 @pytest.mark.parametrize("after_s", [0.5, 2.5, 3.2, 14.0, 18.0])
 def test_a_stop_at_any_time_ends_it_and_stays_in_force(machine: MachineProfile, after_s: float) -> None:
     card = commissioned(machine)
@@ -146,6 +151,7 @@ def test_a_stop_at_any_time_ends_it_and_stays_in_force(machine: MachineProfile, 
     assert not card.sim.controller.systems[1].running
 
 
+@ON_ONE
 def test_somebodys_program_is_left_and_the_cuts_are_not_measured(machine: MachineProfile) -> None:
     card = commissioned(machine)
     made = card.bench()
@@ -155,6 +161,7 @@ def test_somebodys_program_is_left_and_the_cuts_are_not_measured(machine: Machin
     assert card.client.request("LIST PROG999") == ("DWELL1",)
 
 
+@ON_ONE
 def test_a_host_that_is_held_up_begins_anew(machine: MachineProfile) -> None:
     card = commissioned(machine)
     made = card.bench()
@@ -171,6 +178,7 @@ def test_a_host_that_is_held_up_begins_anew(machine: MachineProfile) -> None:
     assert len(found.entries) == 18
 
 
+@ON_ONE
 def test_a_spindle_on_an_inverter_is_not_aborted_and_not_turned(machine: MachineProfile) -> None:
     inverter = with_inverter(machine)
     card = commissioned(inverter)

@@ -215,6 +215,22 @@ def test_what_is_sent_for_each_state_of_the_drives() -> None:
     assert wire.urgent[-1] == b"\x0b"
 
 
+def test_with_hands_in_the_machine_a_stop_opens_loops_that_are_said_to_be_closed() -> None:
+    wire = Wire()
+    stop = StopPath(wire)
+    stop.loops_closed = stop.hands_in = True
+    stop.stop("hands")
+    stop.hands_in = False
+    stop.stop("they are out, and the kill is still in force")
+    assert wire.urgent == [b"\x0b", b"\x0b"]
+
+
+def test_before_the_drives_were_seen_a_stop_opens_every_loop() -> None:
+    wire = Wire()
+    StopPath(wire).stop("at once")
+    assert wire.urgent == [b"\x0b"]
+
+
 def test_nothing_that_moves_is_allowed_after_a_stop() -> None:
     stop = StopPath(Wire())
     stop.check()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from random import Random
 
+from console.session.data import record_file
 from console.session.station.owning import Owning
 from console.session.station.state import StationState
 from console.session.station.station import Station
@@ -70,6 +72,16 @@ def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given:
     if wanted not in _PLANS:
         _PLANS[wanted] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
     return _PLANS[wanted]
+
+
+def record_in_memory(folder: Path, until_s: float) -> sqlite3.Connection:
+    """Open a record that each copy of a process has for itself."""
+    path = folder / record_file.FILE_NAME
+    path.touch()
+    path.with_name(f"{path.name}-wal").touch()
+    database = sqlite3.connect(":memory:", isolation_level=None)
+    record_file._made_ready(database, path)
+    return database
 
 
 def build_watched() -> Watched:

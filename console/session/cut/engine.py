@@ -22,6 +22,7 @@ from drivers.lathe.lathe import SPEED_S, Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standstill import ARRIVED_COUNTS
 from drivers.lathe.stop import way_problems
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -174,7 +175,9 @@ def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     if AxisName.SPINDLE in lathe.driven:
         lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    lathe.jog_to(AxisName.TOOL, plan.tool_start, settle=settle_tool)
+    # A jog of no way is told to be over at once, and refuses the start for as long as its acceleration takes.
+    if settle_tool or abs(lathe.snapshot().tool.commanded - plan.tool_start) > ARRIVED_COUNTS:
+        lathe.jog_to(AxisName.TOOL, plan.tool_start, settle=settle_tool)
 
 
 def _turn(context: CutContext, speed_rpm: float) -> None:
