@@ -9,7 +9,7 @@ from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, same
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Scope, Setting
-from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG, LEASE_TIMER
+from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG, WATCHDOG_TIMER
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.findings import Severity
 
@@ -171,10 +171,10 @@ def _pointers(judged: Judged) -> Iterator[Check]:
     yield Check(
         group=Group.PROGRAMS, code="hold_flag", severity=severity, variable=name, found=flag or "*", wanted="*"
     )
-    timer = pointers.get(LEASE_TIMER)
+    timer = pointers.get(WATCHDOG_TIMER)
     timers = [f"{space}:${address:X}" for space, address in dialect.timer_words]
     if timer is not None and timers and not any(timer.startswith(f"{word},") for word in timers):
-        name, wanted = f"M{LEASE_TIMER}->", ", ".join(timers)
+        name, wanted = f"M{WATCHDOG_TIMER}->", ", ".join(timers)
         yield Check(
             group=Group.PROGRAMS,
             code="lease_timer",

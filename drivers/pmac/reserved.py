@@ -10,7 +10,7 @@ from __future__ import annotations
 HEARTBEAT_PLC = 20
 """The PLC that ends jogs and cuts when the lease runs out."""
 
-LEASE_TIMER = 70
+WATCHDOG_TIMER = 70
 """M-variable that is pointed at a timer of the card, where the family has none among its I-variables."""
 
 HOLD_FLAG = 26

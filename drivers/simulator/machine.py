@@ -149,7 +149,7 @@ class SimulatedLathe:
         """Look at the chuck, as an operator does who knows nothing of counts and zeros."""
         machine, motors = self._machine, self.controller.motors
         axes = (machine.tool, machine.spindle, machine.carriage)
-        tool, spindle, carriage = (motors[axis.motor].iron for axis in axes)
+        tool, spindle, carriage = (motors[axis.motor].true_position for axis in axes)
         return self._floor.look(tool, spindle, carriage)
 
     @property

@@ -15,7 +15,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from profiles.compensations.path import wanted_path
+from profiles.compensations.path import target_path
 from profiles.roundness import evaluate
 from tests.drivers.close_families import machine as machine
 from tests.drivers.families import ON_ONE
@@ -60,7 +60,7 @@ class Run:
         """How much further into the wanted path the tool was at any angle than it was while it cut."""
         infeed_um = (self.tool - self.plan.setup.surface) * self.plan.setup.tool_count_um
         angle_deg = 360.0 * self.spindle / self.plan.setup.counts_per_turn
-        excess_um = infeed_um - wanted_path(job).at_um(angle_deg)
+        excess_um = infeed_um - target_path(job).at_um(angle_deg)
         during = float(excess_um[self.feeding].max())
         assert during < 2.0, "the path itself is kept"
         return float(excess_um[self.feeding.stop :].max()) - during

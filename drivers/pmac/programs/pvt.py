@@ -154,9 +154,9 @@ def point_scales(step_rad: float) -> PointScales:
     positions = from_start * np.cos(phase) + (1.0 - from_start) * np.cos(phase + step_rad)
     slopes = (u**3 - 2.0 * u**2 + u) * np.sin(phase) + (u**3 - u**2) * np.sin(phase + step_rad)
     basis = np.stack([positions.ravel(), (-step_rad * slopes).ravel()], axis=1)
-    wanted = np.cos(phase + step_rad * u).ravel()
-    scales = np.linalg.lstsq(basis, wanted, rcond=None)[0]
-    error = float(np.abs(basis @ scales - wanted).max())
+    target = np.cos(phase + step_rad * u).ravel()
+    scales = np.linalg.lstsq(basis, target, rcond=None)[0]
+    error = float(np.abs(basis @ scales - target).max())
     return PointScales(position=float(scales[0]), velocity=float(scales[1]), error=error)
 
 
