@@ -13,7 +13,7 @@ HEARTBEAT_PLC = 20
 WATCHDOG_TIMER = 70
 """M-variable that is pointed at a timer of the card, where the family has none among its I-variables."""
 
-HOLD_FLAG = 26
+END_FLAG = 26
 """M-variable: 1 ends a cut at the end of its turn."""
 
 OWNER = 1000

@@ -84,7 +84,7 @@ def run(bench: Bench, plan: CutPlan, hold_s: float | None) -> Run:
         nonlocal held
         if hold_s is not None and not held and snapshot.at_s >= began_s + hold_s:
             held = True
-            lathe.program.hold()
+            lathe.program.end_after_turn()
 
     lathe.program.start(plan.program.number, plan.setup.retracted)
     last = lathe.program.follow(watch, timeout_s=2 * plan.duration_s)
@@ -194,9 +194,9 @@ def test_a_held_program_runs_from_its_beginning_the_next_time(
 
 def test_a_hold_after_a_stop_and_without_a_program_moves_nothing(closed: Bench) -> None:
     before = closed.lathe.snapshot()
-    closed.lathe.program.hold()
+    closed.lathe.program.end_after_turn()
     closed.stop.stop("operator")
-    closed.lathe.program.hold()
+    closed.lathe.program.end_after_turn()
     closed.sim.wait(1.0)
     assert closed.lathe.snapshot().near(before, 5.0)
     assert closed.stop.reason == "operator"
@@ -226,5 +226,5 @@ def test_a_hold_whose_answer_is_lost_is_sent_once_more(bench: Bench, machine: Ma
     lathe.connect()
     bench.client.request("M26=0")
     link.loses = lambda sent: sent.startswith(b"M26")
-    lathe.program.hold()
+    lathe.program.end_after_turn()
     assert bench.number("M26") == 1

@@ -140,7 +140,7 @@ def holds_and_retracts(site: Site, full_way: float) -> None:
     def hold(look: Snapshot) -> None:
         if look.carriage.position > plan.carriage_start + 3 * plan.setup.carriage_per_turn and not held:
             held.append(look)
-            lathe.program.hold()
+            lathe.program.end_after_turn()
 
     lathe.program.start(plan.program.number, plan.setup.retracted)
     last = lathe.program.follow(hold, 2 * plan.duration_s)

@@ -168,7 +168,7 @@ class _Watched:
         """Pass the operator's hold on, once, between two polls of the program."""
         place = self._place
         if place.end_asked and not place.lathe.program.held:
-            place.lathe.program.hold()
+            place.lathe.program.end_after_turn()
 
     def publish(self, snapshot: Snapshot) -> None:
         """Show a poll of the machine, in whatever wait it was made."""

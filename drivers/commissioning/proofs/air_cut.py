@@ -131,7 +131,7 @@ class _Writer:
         self._lease = "" if policy is Policy.FINISH else f" AND {watchdog_condition(judged.dialect)}"
 
     def lines(self) -> Iterator[str]:
-        flag = f"M{reserved.HOLD_FLAG}"
+        flag = f"M{reserved.END_FLAG}"
         yield from (f"OPEN PROG{PROGRAM}", "CLEAR", "ABS", f"{flag}=0", "P25=0", "P26=0", "P28=0")
         yield f"PVT{HALF_RUN_UP_MS} ; the spindle runs up"
         yield self._point(self._out, format_number(HALF_RUN_UP_MS / 6.0), 0.5)

@@ -168,7 +168,7 @@ class _Writer:
 
     def _end_cut(self) -> Iterator[str]:
         if self._policy is Policy.RETRACT:
-            yield f"M{reserved.HOLD_FLAG}=1 ; end at the end of this turn"
+            yield f"M{reserved.END_FLAG}=1 ; end at the end of this turn"
             yield f"{self._timer}=P{r.GRACE}+P{r.RUN_DOWN}"
             left = f"{self._timer}>P{r.RUN_DOWN} OR {self._timer}>0 AND {self._tool_counts}!>{self._nearly_out}"
             yield from self._wait(self._busy, left)

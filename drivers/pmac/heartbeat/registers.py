@@ -49,7 +49,7 @@ def motors(machine: MachineProfile) -> dict[int, int]:
 def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer | None]:
     """Return what each M-variable of the heartbeat points at; None: it is a plain value."""
     tool, spindle = machine.tool.motor, machine.spindle.motor
-    found: dict[int, Pointer | None] = {reserved.HOLD_FLAG: None}
+    found: dict[int, Pointer | None] = {reserved.END_FLAG: None}
     for timer in (watchdog_timer(dialect), wait_timer(dialect)):
         if timer.pointer is not None:
             found[int(timer.name[1:])] = timer.pointer

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import END_MARKS, HOLD_FLAG, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import END_FLAG, END_MARKS, CutSetup, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
@@ -263,7 +263,7 @@ def path_values(
         "out_ms": timing.retract_segments * timing.segment_ms,
         "approach": timing.approach_ms,
         "segment": timing.segment_ms,
-        "flag": HOLD_FLAG,
+        "flag": END_FLAG,
         "end_marks": END_MARKS,
         "go_on": setup.go_on,
     }

@@ -15,7 +15,7 @@ APPROACH_MM = 0.5
 MOST_MOVES = 100_000
 """Moves of a cut that are planned and checked; more would be hours at the lathe."""
 
-HOLD_FLAG = "M26"
+END_FLAG = "M26"
 """What a host sets to 1 to end a cut before its time, at the end of a turn; every program looks at it."""
 
 TURNS_CUT, FINISHED = "P43", "P44"
@@ -65,7 +65,7 @@ class CutSetup:
     @property
     def go_on(self) -> str:
         """What a program looks at before each turn: nobody holds the cut, and the lease has not run out."""
-        return f"{HOLD_FLAG}=0" + (f" AND {self.watchdog}" if self.watchdog else "")
+        return f"{END_FLAG}=0" + (f" AND {self.watchdog}" if self.watchdog else "")
 
     @property
     def turns(self) -> float:
