@@ -77,6 +77,9 @@ class Lathe:
         self._jogs = Jogs(machine, wiring.looks, wiring.motion, stop, wiring.loading, wiring.moves.jog)
         self.program = CutProgram(wiring, self._jogs.forget)
 
+    def _end_cut(self) -> None:
+        self.program.end_after_turn()
+
     @property
     def has_moved(self) -> bool:
         """Whether anything that moves was ever sent."""
