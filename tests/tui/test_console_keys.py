@@ -176,7 +176,7 @@ def test_why_a_key_stopped_the_machine_stays_said(tmp_path: Path) -> None:
 def test_escape_closes_the_list_of_keys_at_rest_and_stops_nothing(tmp_path: Path) -> None:
     console = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "?"), (0.5, "escape"))
     assert console.control.stops == []
-    assert console.app._listed == 0
+    assert not console.app._list.is_open
 
 
 def test_escape_without_a_list_is_a_stop_at_rest(tmp_path: Path) -> None:
