@@ -13,9 +13,9 @@ from tests.matrix.situations import Situation
 
 _HEAD = """# The fault matrix
 
-The outcome of each fault ([faults.md](faults.md)) in each state of the console: first at the screens, then in `console
-run`, which makes one part without anybody at its keys. Each cell is tested on the simulated lathe, with the heartbeat
-that a host keeps; the test checks everything that was sent, and every axis.
+The outcome of each fault ([faults.md](faults.md)) in each state of the console: first at the screens, then in
+`console run`, which makes one part without anybody at its keys. Each cell is tested on the simulated lathe, with
+the heartbeat that a host keeps; the test checks everything that was sent, and every axis.
 
 In no cell does anything move without a command, nor after the end. No line that moves or writes is sent more
 often than without the fault, and none after a stop. No position is shown that the controller did not have between
@@ -29,8 +29,8 @@ heartbeat, before polls alone), and the alarms, or the reasons of a refusal:
 
 - **ready**, **armed**: the console continues. **stopped**: rest is proven, and F2 resets. **lost**: rest cannot be
   proven; the heartbeat ends what moves.
-- `–` is as without the fault. An empty cell is not tested: another one shows the same, or its fault concerns something
-  that does not exist there. A stop in parentheses may be sent, when a poll fails on the way to rest.
+- `–` is as without the fault. An empty cell is not tested: another one shows the same, or its fault concerns
+  something that does not exist there. A stop in parentheses may be sent, when a poll fails on the way to rest.
 - *no answer* is one of `link.silent`, `link.out_of_step` and `link.not_in_step`: nothing came, or something else,
   or the client did not resynchronise.
 - Control-A is sent only while every loop was seen closed and nothing is in doubt. A fault of the line puts that in
@@ -53,10 +53,10 @@ at rest and the tool clear (*ended*). The fault comes in the middle of it: of *c
 is sent, of *loading* with the first line of the path, of *homing* in the search of the tool, of *positioning* with
 the carriage on its way; *starting* is after the last comparison.
 
-It ends with a part, or with an error. **refused** or **interrupted**: nothing has moved, or another console controls
-the machine. **stopped**: rest is proven, and the error states whether the tool is in the part and can be retracted.
-**unproven**: the machine may move until its heartbeat ends that. Only a finished part is measured. What was sent and
-what has moved is checked as above, also while the machine is left with its drives disabled.
+It ends with a part, or with an error. **refused** or **interrupted**: nothing has moved, or another console
+controls the machine. **stopped**: rest is proven, and the error states whether the tool is in the part and can be
+retracted. **unproven**: the machine may move until its heartbeat ends that. Only a finished part is measured. What
+was sent and what has moved is checked as above, also while the machine is left with its drives disabled.
 
 """
 
@@ -66,7 +66,8 @@ _LIMITS = """
 - An axis whose encoder does not count appears to rest. After a trip by a lost encoder the spindle may coast
   while the console proves rest: it relies on the controller's report. The alarm names the axis.
 - Control-A closes a loop that has tripped, or that another host has opened, since the last poll, where it stands.
-  The controller trips it again if the cause lasts; the next poll then finds it open, and the next stop is control-K.
+  The controller trips it again if the cause lasts; the next poll then finds it open, and the next stop is
+  control-K.
 - The console does not prevent what another host moves, enables or writes. During a motion of this console the next
   poll checks it: uncommanded motion is stopped at that poll. The constants of a running program are read in turn,
   within a second, unless an axis has left its plan before. At rest the motion of another host is left
