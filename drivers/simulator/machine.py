@@ -129,7 +129,7 @@ class SimulatedLathe:
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
         """Release the part and take its trace; until another is clamped, once more.
 
-        It is taken so far past the middle of the cut, towards the jaws; see `ShopFloor.measure`.
+        It is taken so far past the middle of the cut, towards the jaws; see `SimulatedWorkshop.measure`.
 
         Raises:
             ValueError: there is no section at `past_middle_mm`.
