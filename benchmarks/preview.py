@@ -121,7 +121,7 @@ def main() -> None:
     """Measure and print."""
     times_s = calculated()
     looks = {
-        f"first look, {columns} x {rows}{', programs under way' * busy}": asyncio.run(
+        f"first view, {columns} x {rows}{', programs under way' * busy}": asyncio.run(
             shown((columns, rows), busy=busy)
         )
         for columns, rows in SIZES

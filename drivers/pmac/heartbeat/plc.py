@@ -103,11 +103,11 @@ class _Writer:
 
     def lines(self) -> Iterator[str]:
         watchdog, activity, lost = self._lease, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
-        yield f"; policy {self._policy}: {watchdog} is the lease, {activity} what it guards: 1 a jog, 2 a cut"
+        yield f"; policy {self._policy}: {watchdog} is the heartbeat timer; {activity}: 1 guards a jog, 2 a cut"
         yield f"{self._echo} ; the host sees that this runs"
         yield f"P{r.ENDING}=0 ; nothing is being ended"
         yield f"IF({watchdog}<0)"
-        yield f"{watchdog}=0 ; it would count on down, and roll over some day"
+        yield f"{watchdog}=0 ; else it would count further down and roll over"
         yield "ENDIF"
         yield f"IF({activity}>0 AND {watchdog}<{self._cycles(MARGIN_MS) + 1}) ; the host is silent"
         yield f"{lost}={activity}"
@@ -217,7 +217,7 @@ class _Writer:
         yield from self._wait(f"{self._timer}>0")
         closed = f"M{r.OPEN_LOOP[r.SPINDLE]}=0 AND M{r.AMPLIFIER[r.SPINDLE]}=1"
         yield f"IF({closed} AND M{r.SPINDLE_STILL}=0 AND M{r.SPINDLE_ABORTING}=0)"
-        yield f'CMD"#{self._motors[r.SPINDLE]}J/" ; one that is not the program\'s'
+        yield f'CMD"#{self._motors[r.SPINDLE]}J/" ; a spindle that is not the program\'s'
         yield "ENDIF"
 
     def _wait(self, *conditions: str) -> Iterator[str]:
