@@ -43,7 +43,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.settings import settings_with
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.shop_floor import SECTIONS, ShopFloor
+from drivers.simulator.plant.workshop import SECTIONS, SimulatedWorkshop
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
@@ -79,7 +79,7 @@ UNDONE_UNTIL = 0.55
 GOOD = "called good"
 
 
-class Witness(ShopFloor):
+class Witness(SimulatedWorkshop):
     """What the tool really did to the part: how deep, place by place along it, and how far."""
 
     deepest_mm: dict[int, float]
@@ -190,7 +190,7 @@ def plan_of(family: str, strategy: Strategy) -> CutPlan:
     machine = compact(family)
     sim = SimulatedLathe(machine)
     client = PmacClient(MemoryLink(sim.connect(), sim), sim)
-    return plan_cut(JOB, machine, strategy, lease=Heartbeat(client, sim, machine).condition)
+    return plan_cut(JOB, machine, strategy, watchdog=Heartbeat(client, sim, machine).condition)
 
 
 def make(family: str, strategy: Strategy, attack: Attack | None, seed: int) -> tuple[Made, WitnessedLathe]:

@@ -25,7 +25,7 @@ from pathlib import Path
 from benchmarks.command_rate import running
 from benchmarks.measure import extent, print_table
 from benchmarks.run_page import CUT_MM, FRAMES, moments_of_a_cut
-from benchmarks.stop_latency_line import CHARACTER_BITS, Card, Desk, Stopped, bench, card_of
+from benchmarks.stop_latency_line import CHARACTER_BITS, Card, Stopped, UiContext, bench, card_of
 
 STOPS = extent(300, 2)
 AIM_S = 0.020
@@ -52,9 +52,9 @@ class Situation:
 SITUATIONS = {
     BASELINE: Situation(work="bare"),
     "serial, nothing to do": Situation(work="nothing"),
-    "serial, looks": Situation(),
+    "serial, polls": Situation(),
     "serial, gathered data": Situation(work="gather"),
-    "serial, looks, display": Situation(screen="console"),
+    "serial, polls, display": Situation(screen="console"),
     "serial, gathered data, display": Situation(work="gather", screen="console"),
     "serial, gathered data, terminal stalled": Situation(work="gather", screen="stalled"),
     "TCP, gathered data, display": Situation(link="tcp", work="gather", screen="console"),
@@ -62,9 +62,9 @@ SITUATIONS = {
     "Ethernet board, gathered data, display": Situation(link="ethernet", work="gather", screen="console"),
     "Ethernet board, gathered data, terminal stalled": Situation(link="ethernet", work="gather", screen="stalled"),
     "9600 baud, one os.write": Situation(work="bare", baud=SLOW_BAUD, paced=True),
-    "9600 baud, looks, display": Situation(screen="console", baud=SLOW_BAUD, paced=True),
+    "9600 baud, polls, display": Situation(screen="console", baud=SLOW_BAUD, paced=True),
     "9600 baud, gathered data, display": Situation(work="gather", screen="console", baud=SLOW_BAUD, paced=True),
-    "9600 baud, looks, terminal stalled": Situation(screen="stalled", baud=SLOW_BAUD, paced=True),
+    "9600 baud, polls, terminal stalled": Situation(screen="stalled", baud=SLOW_BAUD, paced=True),
 }
 
 
@@ -93,7 +93,7 @@ def measured(situation: Situation, card: Card, moments: Path, stops: int) -> lis
         )
         stack.callback(process.wait)
         stack.callback(process.kill)
-        desk: Desk = at.desk
+        desk: UiContext = at.desk
         desk.wait_until_ready()
         desk.stalled = situation.screen == "stalled"
         return desk.stops(stops)

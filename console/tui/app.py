@@ -18,18 +18,17 @@ from textual.driver import Driver
 from console.session.station.control import Control
 from console.session.station.state import Activity
 from console.text.catalogue import Catalogue
-from console.tui.desk import Desk, View
 from console.tui.driver import StopSent, TooFast, Written
 from console.tui.frame import ROWS, Frame, frame_rows, small_rows
 from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
-from console.tui.keymap import LISTS, Action, PageName, help_lines
+from console.tui.keymap import Action, PageName
 from console.tui.lines import Line, Sheet
-from console.tui.messages import message_lines
+from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
 from console.tui.previewing import ChosenPath, Previewer
-from console.tui.scrolled import ScrolledSheet
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
+from console.tui.ui_context import UiContext, View
 from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
@@ -41,9 +40,6 @@ SMALLEST = (60, 18)
 
 SMALLEST_TO_MOVE = (80, 24)
 """Columns and rows below which pages are shown, but nothing that moves can be ordered."""
-
-MESSAGES = -1
-"""Stands for the messages beside the numbers of the lists of keys."""
 
 SETTLED_S = 1.0
 """So long after the last order it is known whether something moves by it: by a look that is no older."""
@@ -91,7 +87,7 @@ class ConsoleApp(App[None]):
             self.register_theme(theme)
         self.theme = (DARK_THEME if palette is COLOUR else MONO_THEME).name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self.desk = Desk(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
+        self.desk = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
         self._begin = begin
         self._ui_loop: asyncio.AbstractEventLoop | None = None
         self._leaving = False
@@ -102,7 +98,6 @@ class ConsoleApp(App[None]):
         self._page = PageName.JOBS
         self._given_up: Job | None = None
         self._dismissed: tuple[Problem, ...] = ()
-        self._listed = 0
         self._acted_s = float("-inf")
         self._orders = StandingOrders(self.desk)
         self._held = HeldKeys()
@@ -110,7 +105,7 @@ class ConsoleApp(App[None]):
         self._previewer = Previewer()
         self._path = ChosenPath()
         self._rows = {name: Sheet(palette, id=f"row-{name}", classes="row") for name in ROWS}
-        self._list = ScrolledSheet(palette, text, id="list")
+        self._list = ListPanel(palette, text)
         self._small = Sheet(palette, id="small")
 
     def compose(self) -> ComposeResult:
@@ -159,7 +154,7 @@ class ConsoleApp(App[None]):
         if self._is_small:
             self._small.show(small_rows(desk.text, state, SMALLEST, max(self.size.width, 1)))
             return
-        if not self._reading and page.size.area:  # before the first layout no panel knows its room
+        if not self._list.is_open and page.size.area:  # before the first layout no panel knows its room
             page.fit()
             self._safely(lambda: page.show(view))
         self._safely(lambda: self._show_frame(page, view))
@@ -187,7 +182,7 @@ class ConsoleApp(App[None]):
             page.remove_class("-away")
             if not page.is_attached:
                 self.query_one("#body").mount(page)
-        self._show_list(0)
+        self._list.open(PAGE)
         self.call_after_refresh(self.tick)
 
     def situation(self) -> Situation:
@@ -200,7 +195,7 @@ class ConsoleApp(App[None]):
             small=self._is_small,
             jogging=state.activity is Activity.JOGGING,
             jog=self.desk.jog,
-            reading=self._reading,
+            reading=self._list.is_open,
             at_rest=self._is_known_at_rest,
         )
 
@@ -266,7 +261,7 @@ class ConsoleApp(App[None]):
 
     @property
     def _is_small(self) -> bool:
-        return self.size.width < SMALLEST[0] or self.size.height < SMALLEST[1]
+        return min(self.size.width - SMALLEST[0], self.size.height - SMALLEST[1]) < 0
 
     @property
     def _is_cramped(self) -> bool:
@@ -300,10 +295,8 @@ class ConsoleApp(App[None]):
             job="" if view.work is None else printable(view.work.job.name),
         )
         width = max(self.size.width - 2, 1)
-        if self._listed == MESSAGES:
-            self._list.lay(message_lines(frame, page.in_full(view, width), width))
-        elif self._listed:
-            self._list.lay(help_lines(self.desk.text, self._page, self._listed, width))
+        if self._list.is_open:
+            self._list.lay_open(frame, page.in_full(view, width), width)
         self._show_rows(frame_rows(frame, self.size.width, self.size.height))
 
     def _show_rows(self, rows: dict[str, list[Line]]) -> None:
@@ -337,7 +330,7 @@ class ConsoleApp(App[None]):
             case Verdict.ACTION if isinstance(event, Written):
                 self.desk.said = (Problem(code="screen.entry_over"),)
             case Verdict.ACTION if action is not None and action.id in ("messages", "list.up", "list.down"):
-                self._read(action)  # what was said stays said: it is to be read
+                self._list.read(action)  # what was said stays said: it is to be read
             case Verdict.ACTION | Verdict.STOP if action is not None:
                 self.desk.said = ()
                 self._dismissed = self.desk.control.state.refusals
@@ -363,43 +356,22 @@ class ConsoleApp(App[None]):
         elif kind == "page":
             self.go(PageName(rest))
         elif action.id == "help":
-            self._show_list((max(self._listed, 0) + 1) % (LISTS + 1))
+            self._list.step()
         elif action.id == "close":
-            self._show_list(0)
+            self._list.open(PAGE)
         elif action.id == "quit":
             self.action_quit()
         elif action.id == "recover":
-            self._recover()
+            self._acted_s = self.desk.control.now_s()
+            self._orders.recover()
         elif action.id == "acknowledge":
-            self._orders.acknowledge(all_of_them=self._listed == MESSAGES)
+            self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES)
         elif action.id == "take_over":
-            self._orders.take_over()
+            self._orders.take_control()
         else:
-            self._show_list(0)
+            self._list.open(PAGE)
             self._acted_s = self.desk.control.now_s()
             self._safely(lambda: page.act(action.id))
-
-    @property
-    def _reading(self) -> bool:
-        """Whether a list is in the place of the page."""
-        return self._listed != 0
-
-    def _read(self, action: Action) -> None:
-        """Open or close the messages, or scroll the list that is open."""
-        if action.id == "messages":
-            self._show_list(0 if self._listed == MESSAGES else MESSAGES)
-        else:
-            self._list.scroll(1 if action.id == "list.down" else -1)
-
-    def _show_list(self, number: int) -> None:
-        """Show one of the lists of keys, or the messages, in the place of the page; 0 shows the page again."""
-        self._listed = number
-        self._list.begin()
-        self.screen.set_class(self._reading, "reading")
-
-    def _recover(self) -> None:
-        self._acted_s = self.desk.control.now_s()
-        self._orders.recover()
 
     def _safely(self, work: Callable[[], None]) -> None:
         """Do what one page does. Its faults are its own: the rows, the stop and the machine go on without it."""

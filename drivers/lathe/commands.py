@@ -7,7 +7,7 @@ from collections.abc import Callable
 from drivers.controller import Controller
 from drivers.errors import LinkError, RefusedError
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import Looks
+from drivers.lathe.polling import Poller
 from drivers.lathe.safety import device_problems
 from drivers.lathe.stop import StopPath
 from profiles.problem import Problem
@@ -26,13 +26,13 @@ class Sending:
         self,
         client: Controller,
         stop: StopPath,
-        looks: Looks,
+        looks: Poller,
         ownership: Ownership | None,
         forgo: Callable[[], None] = lambda: None,
     ) -> None:
         """`forgo` is told that a line was not carried out: no lease of it is kept."""
         self.has_moved, self._forgo = False, forgo
-        self._client, self._stop, self._looks, self._ownership = client, stop, looks, ownership
+        self._client, self._stop, self._poller, self._ownership = client, stop, looks, ownership
 
     def refuse_unless_owner(self) -> None:
         """Make sure that this console may command the machine.
@@ -50,29 +50,29 @@ class Sending:
             RefusedError: `safety.not_good`, with each that is not as it must be.
             DriverError: the link broke.
         """
-        if not self._looks.sees_devices:
+        if not self._poller.sees_devices:
             return
-        problems = device_problems(self._looks.look().inputs)
+        problems = device_problems(self._poller.look().inputs)
         if problems:
             raise RefusedError(*problems)
 
-    def move(self, line: str, leased: Callable[[str], str] | None = None) -> None:
+    def move(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
         """Send a line that moves something, to axes that are under control: it must not close an open loop.
 
-        `leased` puts a lease in front of it, once nothing stands in its way.
+        `guarded` puts a lease in front of it, once nothing stands in its way.
 
         Raises:
             RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
         """
-        if not self._looks.loops_closed and not self._looks.look().loops_closed:
+        if not self._poller.loops_closed and not self._poller.look().loops_closed:
             raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
-        self.once(line, leased)
+        self.once(line, guarded)
 
-    def once(self, line: str, leased: Callable[[str], str] | None = None) -> None:
+    def once(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
         """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
 
         Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
-        What comes before the line has left keeps it here: the way back in step, and whatever `leased` asks the
+        What comes before the line has left keeps it here: the way back in step, and whatever `guarded` asks the
         card, take their time.
 
         Raises:
@@ -83,8 +83,8 @@ class Sending:
         """
         self._refuse_now()
         self.refuse_unsafe()
-        if leased is not None:
-            line = leased(line)  # it tells whose the machine is now, too
+        if guarded is not None:
+            line = guarded(line)  # it tells whose the machine is now, too
         self.has_moved = True
         try:
             self._client.send(line, check=self._refuse_now, moves=True)
@@ -98,7 +98,7 @@ class Sending:
         except LinkError as error:
             if error.problems[0].code == IN_PART:
                 self._stop.stop(IN_PART)
-            self._looks.in_doubt()
+            self._poller.in_doubt()
             raise
         if self._stop.reason is not None:
             self._stop.repeat()
@@ -111,7 +111,7 @@ class Sending:
             RefusedError: `machine.moving`.
             LinkError: the link broke or is out of step.
         """
-        if self._looks.look().moving:
+        if self._poller.look().moving:
             raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
 
     def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
@@ -120,12 +120,12 @@ class Sending:
         Raises:
             LinkError: `link.line_in_part`; or the link broke.
         """
-        if refused.problems[0].code in UNBROUGHT and self._looks.look().moving:
+        if refused.problems[0].code in UNBROUGHT and self._poller.look().moving:
             self._stop.stop(IN_PART)
             raise LinkError(Problem(code=IN_PART, where=self._client.link.address, key=line))
 
     def _refuse_now(self) -> None:
         self._stop.check()
         self.refuse_unless_owner()
-        if self._stop.hands_in:
+        if self._stop.inside_guard:
             raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))

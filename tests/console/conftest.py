@@ -13,6 +13,7 @@ import pytest
 
 from console.__main__ import main
 from profiles.lobe.lobe_conditions import CONDITIONS
+from tests.branching import in_a_copy
 from tests.compact import save_compact
 
 
@@ -53,6 +54,20 @@ def console(
     yield call
     for number, handler in kept.items():
         signal.signal(number, handler)
+
+
+@pytest.fixture
+def in_copies() -> None:
+    """A test that takes this is carried out in a copy of its process: what it works, others find as it was."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    if "in_copies" not in pyfuncitem.fixturenames:
+        return None
+    given = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
+    in_a_copy(lambda: pyfuncitem.obj(**given))
+    return True
 
 
 def _is_number(text: str | None) -> bool:

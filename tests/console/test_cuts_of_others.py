@@ -7,21 +7,19 @@ from pathlib import Path
 import pytest
 
 from console.session.data.record_file import FILE_NAME
-from console.session.station.intents import Hold, Home, Jog, Measure, Recover, Start, SwitchOn
+from console.session.station.commands import EnableDrives, EndCut, Home, Jog, Measure, Recover, Start
 from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, set_up_once
 
 LONG_MM = 1.0
 """Sixteen mm of feed a second: a cut of 30 turns, two seconds."""
 
 
 @pytest.fixture
-def floor(tmp_path: Path) -> Floor:
-    floor = open_floor(tmp_path)
-    floor.set_up(experiment_1(LONG_MM))
-    return floor
+def floor(tmp_path: Path, in_copies: None) -> Floor:
+    return set_up_once(tmp_path, LONG_MM)
 
 
 def told(state: StationState) -> list[str]:
@@ -89,7 +87,7 @@ def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Flo
     ],
 )
 def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
-    floor: Floor, line: str, reason: str, tmp_path: Path
+    floor: Floor, line: str, reason: str
 ) -> None:
     state, _ = cut_with(floor, line)
     assert {"cut.ended_early", reason} <= set(told(state))
@@ -99,7 +97,7 @@ def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
     floor.do(Recover())
     refused = floor.do(Measure())
     assert [problem.code for problem in refused.refusals] == ["session.nothing_cut"]
-    assert (tmp_path / FILE_NAME).exists()
+    assert (floor.place.records / FILE_NAME).exists()
 
 
 @pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.PVT])
@@ -127,7 +125,7 @@ def test_an_undisturbed_cut_is_done(floor: Floor, strategy: Strategy) -> None:
 
 def test_a_hold_of_this_console_is_a_hold(floor: Floor) -> None:
     def hold() -> None:
-        assert floor.station.post(Hold())
+        assert floor.station.post(EndCut())
 
     floor.arm(experiment_1(LONG_MM))
     floor.when(
@@ -170,7 +168,7 @@ def test_a_reset_in_a_jog_stops_it_and_says_so(floor: Floor) -> None:
     state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
     assert told(state)[0] == "controller.was_reset" and state.activity is Activity.STOPPED
     floor.do(Recover())
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     assert floor.do(Home()).alignment.homed
 
 

@@ -21,7 +21,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
@@ -57,7 +57,7 @@ class Floor:
     def measure(self) -> Trace:
         return self.sim.measure()
 
-    def look(self) -> ShopView:
+    def look(self) -> WorkshopView:
         return self.sim.look()
 
     def set_spindle(self, rpm: float | None) -> None:
@@ -66,7 +66,7 @@ class Floor:
 
 def cut(machine: MachineProfile, set_rpm: float) -> tuple[Floor, float]:
     floor = Floor(machine, set_rpm)
-    plan = plan_run(JOB, machine, Strategy.TIMEBASE, lease=cut_condition(machine))
+    plan = plan_run(JOB, machine, Strategy.TIMEBASE, watchdog=cut_condition(machine))
     trace = cut_part(floor.context, JOB, plan.cut, lambda step, detail: None).trace
     assert trace is not None
     return floor, evaluate(trace.angle_deg, trace.deviation_um, 50.0).ront_um

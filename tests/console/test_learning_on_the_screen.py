@@ -13,18 +13,18 @@ import pytest
 from console.session.data.learned_store import asked_for, store
 from console.session.data.made_parts import cuts_of, parts_made
 from console.session.errors import SessionError
-from console.session.learning.part_lesson import PartLesson, accept, lesson_of, revert
+from console.session.learning.part_learning import PartLearning, accept, learning_of, revert
 from console.session.stages import Stage, nominal_path
-from console.session.station.intents import (
+from console.session.station.commands import (
     Arm,
     ConfirmClamping,
+    DisableDrives,
     Disarm,
+    EnableDrives,
     Forget,
     Jog,
     Measure,
     Start,
-    SwitchOff,
-    SwitchOn,
     TakeJaw,
     TakeTouchOff,
 )
@@ -71,9 +71,9 @@ class Shop:
         return measured
 
     def clamp(self) -> None:
-        self.floor.do(SwitchOff())
+        self.floor.do(DisableDrives())
         self.floor.do(ConfirmClamping(job=self.job.job))
-        self.floor.do(SwitchOn())
+        self.floor.do(EnableDrives())
 
     def refused(self, **more: Any) -> list[str]:
         state = self.order(**more)
@@ -99,7 +99,7 @@ def lobe_um_pp(part: MeasuredPart) -> float:
     return 2.0 * part.result.amplitude_um(3)
 
 
-def lesson(part: MeasuredPart) -> PartLesson:
+def lesson(part: MeasuredPart) -> PartLearning:
     assert part.lesson is not None
     return part.lesson
 
@@ -131,7 +131,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     assert lobe_um_pp(second) < 3.5 < 7.0 < lobe_um_pp(first)
     two = accept(lesson(second), shop.data)
     assert (two.version, two.parent, two.gain) == (2, 1, 0.7)
-    assert two.path.wanted.crest_deg == pytest.approx(one.path.wanted.crest_deg, abs=1.0)
+    assert two.path.target.crest_deg == pytest.approx(one.path.target.crest_deg, abs=1.0)
 
     # The commands learn the same of it, by what the record says of a cut on the screen.
     trace = tmp_path / "second.csv"
@@ -140,7 +140,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     said = console("learn", str(trace), *of_job, "--json").json
     made = {"compensation": "1", "strategy": "cam", "stage": "full", "inverted": "model"}
     assert said["cut_with"] == {**made, "cut_jaw_1_deg": str(second.jaw_1_deg)}
-    assert said["next"]["path"]["wanted"]["crest_deg"] == pytest.approx(two.path.wanted.crest_deg, abs=1e-3)
+    assert said["next"]["path"]["wanted"]["crest_deg"] == pytest.approx(two.path.target.crest_deg, abs=1e-3)
 
     # Back, step by step, as the commands go: to the first version, then to the model.
     three = revert(two, shop.job, shop.machine, shop.data, simulated=True)
@@ -190,11 +190,11 @@ def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
     real = replace(one, holds_for=replace(one.holds_for, simulated=False))
     assert "learned.elsewhere" in shop.refused(compensation=real)
     assert shop.refused(stage=Stage.PARTIAL, strategy=Strategy.PAPER) == ["stage.strategy"]
-    beyond = replace(one.path.wanted, amplitude_um=80.0)
+    beyond = replace(one.path.target, amplitude_um=80.0)
     (file,) = shop.data.glob("learned/**/version-*.json")
     file.unlink()
     assert shop.refused(compensation=one) == ["learned.file_changed"]
-    far = replace(one, path=replace(one.path, wanted=beyond))
+    far = replace(one, path=replace(one.path, target=beyond))
     store(shop.data, far)
     assert shop.refused(compensation=one) == ["learned.file_changed"]
     assert "path.beyond" in shop.refused(compensation=far)
@@ -205,7 +205,7 @@ def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
 
 def test_a_cut_in_air_leaves_the_blank_as_it_was(shop: Shop) -> None:
     whole, half = (shop.armed(stage=stage).plan for stage in (Stage.FULL, Stage.PARTIAL))
-    assert half.wanted.amplitude_um == pytest.approx(0.5 * whole.wanted.amplitude_um)
+    assert half.target.amplitude_um == pytest.approx(0.5 * whole.target.amplitude_um)
     air = shop.armed(stage=Stage.AIR).plan
     # 1 mm and the depth of cut.
     out_mm = (whole.setup.surface - air.setup.surface) / shop.machine.machine.tool.counts_per_mm
@@ -228,7 +228,7 @@ def test_a_part_that_teaches_nothing_says_why(shop: Shop, change: dict[str, Any]
     angle_deg = np.arange(360.0)
     trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3.0 * angle_deg)), meta={"simulated": "yes"})
     armed = shop.armed(**change)
-    found = lesson_of(armed.loaded, armed.job.name, armed.made, trace, shop.machine, shop.data)
+    found = learning_of(armed.loaded, armed.job.name, armed.made, trace, shop.machine, shop.data)
     assert found.taught is None and [problem.code for problem in found.problems] == [code]
     with pytest.raises(SessionError, match=code.replace(".", r"\.")):
         accept(found, shop.data)

@@ -63,12 +63,13 @@ def test_the_first_part_is_round_within_5_um_and_the_third_as_round_as_the_machi
 
 
 def test_a_gain_that_is_wrong_by_a_tenth_is_learned_in_air(
-    console: Console, close: tuple[str, str], tmp_path: Path
+    console: Console, close: tuple[str, str], tmp_path: Path, job_file: JobFile
 ) -> None:
+    job = str(job_file(lobe_error_um_pp="33.0", cut_length_mm=HALF_MM))
     plant = tmp_path / "weak.toml"
     plant.write_text(OFF, encoding="utf-8")
     words = (*close, "--sim", "--plant", str(plant), "--seed", "5", "--strategy", "cam", "--learn", "1", "--json")
-    (first,) = console("run", "lee-2001-experiment-2", *words).json["passes"]
+    (first,) = console("run", job, *words).json["passes"]
     assert first["RONt_um"] <= 6.0
     assert lobe_um_pp(first) == pytest.approx(0.05 * 33.0, abs=0.7), "the wrench is what is left"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
@@ -18,11 +19,13 @@ Console = Callable[..., Any]
 @pytest.fixture
 def console_without_numerics(console: Console, monkeypatch: pytest.MonkeyPatch) -> Console:
     """The sections computed once; they are tested elsewhere."""
-    monkeypatch.setattr(comparison, "sections", lambda _: COMPUTED)
+    monkeypatch.setattr(comparison, "sections", lambda _: computed())
     return console
 
 
-COMPUTED = sections(lee_2001())
+@cache
+def computed() -> tuple[Section, ...]:
+    return tuple(sections(lee_2001()))
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])

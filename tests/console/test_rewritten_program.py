@@ -10,7 +10,7 @@ from console.session.cut.engine import Step
 from console.session.cut.headless import cut_part
 from console.session.cut.in_process import simulated_context
 from console.session.errors import SessionError
-from console.session.station.intents import Start
+from console.session.station.commands import Start
 from drivers.cutting.planning import plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.machine import SimulatedLathe
@@ -59,7 +59,7 @@ def test_console_run_refuses_it_and_leaves_the_machine_at_rest(line: str, code: 
         if now is step:
             rewrite(sim, line)
 
-    plan = plan_cut(job, machine, Strategy.PVT, lease=context.lathe.program.lease)
+    plan = plan_cut(job, machine, Strategy.PVT, watchdog=context.lathe.program.watchdog)
     with pytest.raises(SessionError) as refused:
         cut_part(context, job, plan, tell)
     assert refused.value.problems[0].code == code

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from console.session.station.intents import Start
-from console.session.station.ripple import ORDERS, WITHIN_LIMIT_PERCENT, spindle_ripple
+from console.session.station.commands import Start
+from console.session.station.ripple import HANDLERS, WITHIN_LIMIT_PERCENT, spindle_ripple
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.spindle import Spindle
@@ -33,7 +33,7 @@ def swinging(mean: Floats, share: float, per_turn: int, turn: float = TURN) -> F
 
 @given(
     st.floats(0.0, 0.05),
-    st.sampled_from(ORDERS),
+    st.sampled_from(HANDLERS),
     st.integers(40, 240),
     st.integers(0, 1000),
 )
@@ -116,6 +116,6 @@ def test_a_cut_tells_the_swing_of_its_spindle(
     floor.do(Start())
     cut = floor.state.cut
     assert cut is not None and cut.ripple is not None
-    iron = swing_of_the_iron(np.array(recorder.positions[in_part[0] : in_part[-1]]))
-    assert cut.ripple_percent == pytest.approx(iron, abs=cut.ripple.within_percent)
-    assert iron == pytest.approx(200.0 * share, abs=0.1)
+    true_position = swing_of_the_iron(np.array(recorder.positions[in_part[0] : in_part[-1]]))
+    assert cut.ripple_percent == pytest.approx(true_position, abs=cut.ripple.within_percent)
+    assert true_position == pytest.approx(200.0 * share, abs=0.1)

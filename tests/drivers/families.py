@@ -9,6 +9,9 @@ import pytest
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 
+ON_ONE = pytest.mark.parametrize("machine", ["pmac"], indirect=True)
+"""For what is decided by the host, whatever the controller: in such a file, others work both families."""
+
 
 def of_family(machine: MachineProfile, family: str) -> MachineProfile:
     """The same lathe with a controller of a family."""

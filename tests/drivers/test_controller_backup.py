@@ -21,6 +21,7 @@ from drivers.pmac.reserved import MARKER
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from tests.drivers.commissioned import Commissioned, commissioned, of_family
+from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families
 
 DATE = "2026-03-01T12:00:00+00:00"
@@ -107,6 +108,7 @@ def test_a_backup_can_be_sent_to_another_card(machine: MachineProfile) -> None:
     assert other.sim.controller.plcs.switches.enabled == frozenset()
 
 
+@ON_ONE
 def test_a_limit_of_zero_stands_on_a_line_of_its_own_and_says_so(machine: MachineProfile) -> None:
     text = backup_text(read(commissioned(machine)), DATE)
     assert "\nI213=0 ; no limit\nI214=0 ; no limit\n" in text
@@ -132,6 +134,7 @@ def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProf
     assert found.pointers == plain.pointers
 
 
+@ON_ONE
 @pytest.mark.parametrize(
     ("change", "code"),
     [
@@ -164,6 +167,7 @@ def test_somebody_who_enters_a_program_is_not_disturbed(machine: MachineProfile)
     assert refused.value.problems[0].code == "controller.entering"
 
 
+@ON_ONE
 def test_what_a_password_hides_is_named(machine: MachineProfile) -> None:
     card = dressed(machine)
     card.tell("PASSWORD=abc", "SAVE")
@@ -210,6 +214,7 @@ def test_what_ordinary_work_changes_is_no_difference(machine: MachineProfile) ->
     assert read(card).fingerprint != before.fingerprint
 
 
+@ON_ONE
 def test_a_difference_is_told_in_the_words_of_the_machine(machine: MachineProfile) -> None:
     card = commissioned(machine)
     before = read(card)

@@ -12,6 +12,7 @@ from drivers.pmac.program_load import load_program
 from profiles.machine import MachineProfile
 from profiles.store import load_job
 from tests.drivers.commissioned import Commissioned, commissioned
+from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families
 
 
@@ -102,6 +103,7 @@ def test_what_the_console_does_for_a_cut_is_no_change(machine: MachineProfile, s
     assert told(card, before) == []
 
 
+@ON_ONE
 def test_proving_stops_is_no_change(machine: MachineProfile) -> None:
     from drivers.commissioning.proofs.proving import prove
 

@@ -15,9 +15,10 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from profiles.compensations.path import wanted_path
+from profiles.compensations.path import target_path
 from profiles.roundness import evaluate
 from tests.drivers.close_families import machine as machine
+from tests.drivers.families import ON_ONE
 
 if TYPE_CHECKING:
     from profiles.job import Job
@@ -59,7 +60,7 @@ class Run:
         """How much further into the wanted path the tool was at any angle than it was while it cut."""
         infeed_um = (self.tool - self.plan.setup.surface) * self.plan.setup.tool_count_um
         angle_deg = 360.0 * self.spindle / self.plan.setup.counts_per_turn
-        excess_um = infeed_um - wanted_path(job).at_um(angle_deg)
+        excess_um = infeed_um - target_path(job).at_um(angle_deg)
         during = float(excess_um[self.feeding].max())
         assert during < 2.0, "the path itself is kept"
         return float(excess_um[self.feeding.stop :].max()) - during
@@ -83,7 +84,7 @@ def run(bench: Bench, plan: CutPlan, hold_s: float | None) -> Run:
         nonlocal held
         if hold_s is not None and not held and snapshot.at_s >= began_s + hold_s:
             held = True
-            lathe.program.hold()
+            lathe.program.end_after_turn()
 
     lathe.program.start(plan.program.number, plan.setup.retracted)
     last = lathe.program.follow(watch, timeout_s=2 * plan.duration_s)
@@ -122,6 +123,7 @@ def test_a_hold_at_any_moment_leaves_whole_turns_and_no_mark(
     assert is_left_in_order(found)
 
 
+@ON_ONE
 @pytest.mark.parametrize("hold_s", [4.0, 4.33])
 def test_the_paper_program_is_held_at_the_end_of_a_turn_too(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, hold_s: float
@@ -140,6 +142,7 @@ def test_the_paper_program_is_held_at_the_end_of_a_turn_too(
     assert found.tool.max() < found.plan.setup.surface + 775 + 5
 
 
+@ON_ONE
 @pytest.mark.parametrize("phase_deg", [0.0, 25.0, 47.0, 90.0])
 def test_a_cut_that_is_not_held_ends_with_a_whole_turn_without_a_mark(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, phase_deg: float
@@ -152,6 +155,7 @@ def test_a_cut_that_is_not_held_ends_with_a_whole_turn_without_a_mark(
     assert is_left_in_order(found)
 
 
+@ON_ONE
 def test_what_was_cut_before_a_hold_is_as_round_as_a_whole_cut(
     bench: Bench, machine: MachineProfile, experiment: JobMaker
 ) -> None:
@@ -163,6 +167,7 @@ def test_what_was_cut_before_a_hold_is_as_round_as_a_whole_cut(
     assert evaluate(trace.angle_deg, trace.deviation_um, None).ront_um < 1.0
 
 
+@ON_ONE
 @pytest.mark.parametrize("strategy", list(Strategy))
 def test_a_hold_before_the_feed_ends_clear_of_the_part(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
@@ -176,6 +181,7 @@ def test_a_hold_before_the_feed_ends_clear_of_the_part(
     assert found.last.at_rest
 
 
+@ON_ONE
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.PAPER])
 def test_a_held_program_runs_from_its_beginning_the_next_time(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
@@ -188,9 +194,9 @@ def test_a_held_program_runs_from_its_beginning_the_next_time(
 
 def test_a_hold_after_a_stop_and_without_a_program_moves_nothing(closed: Bench) -> None:
     before = closed.lathe.snapshot()
-    closed.lathe.program.hold()
+    closed.lathe.program.end_after_turn()
     closed.stop.stop("operator")
-    closed.lathe.program.hold()
+    closed.lathe.program.end_after_turn()
     closed.sim.wait(1.0)
     assert closed.lathe.snapshot().near(before, 5.0)
     assert closed.stop.reason == "operator"
@@ -220,5 +226,5 @@ def test_a_hold_whose_answer_is_lost_is_sent_once_more(bench: Bench, machine: Ma
     lathe.connect()
     bench.client.request("M26=0")
     link.loses = lambda sent: sent.startswith(b"M26")
-    lathe.program.hold()
+    lathe.program.end_after_turn()
     assert bench.number("M26") == 1

@@ -16,6 +16,7 @@ from drivers.identification.request import IdentificationRequest, clearance_mm, 
 from drivers.identification.words import axis_word
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
+from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families
 from tests.drivers.identification_bench import Stand, ready, stand
 
@@ -145,6 +146,7 @@ ALREADY: dict[str, tuple[Callable[[Stand], None], str]] = {
 }
 
 
+@ON_ONE
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
 @pytest.mark.parametrize("what", ALREADY)
 def test_a_machine_that_is_not_ready_is_not_moved(machine: MachineProfile, what: str, path: Strategy) -> None:
@@ -158,6 +160,7 @@ def test_a_machine_that_is_not_ready_is_not_moved(machine: MachineProfile, what:
     assert not any(MOVES.search(line) for line in made.lines if not line.startswith("LIST"))
 
 
+@ON_ONE
 def test_a_gathering_of_somebody_else_goes_on(machine: MachineProfile) -> None:
     made = ready(machine)
     motor = made.rig.dialect.gathering
@@ -168,6 +171,7 @@ def test_a_gathering_of_somebody_else_goes_on(machine: MachineProfile) -> None:
     assert made.sim.controller.gather.running
 
 
+@ON_ONE
 def test_a_link_over_which_a_lost_encoder_is_seen_too_late_is_refused(machine: MachineProfile) -> None:
     """Replies of 80 ms: six of them and two pauses, and 22.8 mm/s is what 50 um push against 201.6 N s/m."""
     made = ready(machine)
@@ -181,6 +185,7 @@ def test_a_link_over_which_a_lost_encoder_is_seen_too_late_is_refused(machine: M
     assert not any(MOVES.search(line) for line in made.lines if not line.startswith("LIST"))
 
 
+@ON_ONE
 def test_nothing_moves_without_a_zero(machine: MachineProfile) -> None:
     made = stand(machine)
     made.rig.lathe.verify()
@@ -192,6 +197,7 @@ def test_nothing_moves_without_a_zero(machine: MachineProfile) -> None:
     assert not any(MOVES.search(line) for line in made.lines if "LIST" not in line)
 
 
+@ON_ONE
 def test_a_heartbeat_that_is_not_alive_keeps_the_drives_off(machine: MachineProfile) -> None:
     """I5 = 0: no PLC runs, so nothing would end the motion."""
     made = stand(machine)
@@ -202,6 +208,7 @@ def test_a_heartbeat_that_is_not_alive_keeps_the_drives_off(machine: MachineProf
     assert not made.drives_on
 
 
+@ON_ONE
 def test_drives_that_somebody_has_switched_on_are_left_alone(machine: MachineProfile) -> None:
     made = stand(machine)
     made.tell("#3J/")

@@ -26,6 +26,7 @@ from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_machine
+from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families
 from tests.drivers.identification_bench import Stand, ready
 
@@ -69,13 +70,14 @@ def test_the_nominal_loop_is_found_on_each_path_with_the_age_of_its_source(
     assert (identified.path, identified.how, identified.date) == (path, how, DATE)
     assert [point.frequency_hz for point in identified.points] == list(TABLE_5_HZ)
     for point in identified.points:
-        wanted = late(cmath.rect(*SAMPLED[point.frequency_hz]), point.frequency_hz, cycles)
-        assert off_percent(point, wanted) < 0.2
-        assert off_deg(point, wanted) < 0.2
+        target = late(cmath.rect(*SAMPLED[point.frequency_hz]), point.frequency_hz, cycles)
+        assert off_percent(point, target) < 0.2
+        assert off_deg(point, target) < 0.2
         assert point.coherence > 0.9999
         assert point.amplitude_um == pytest.approx(25.0, rel=0.004)
 
 
+@ON_ONE
 def test_the_confidence_holds_the_nominal_loop(machine: MachineProfile) -> None:
     """95 % each: of sixteen half-widths three may be too small, by what the steps of the encoder make at most.
 
@@ -85,13 +87,14 @@ def test_the_confidence_holds_the_nominal_loop(machine: MachineProfile) -> None:
     points = found(ready(machine), Strategy.PVT, *frequencies).points
     shares = []
     for point in points:
-        wanted = complex(sampled_response(machine, point.frequency_hz))
-        off = (abs(point.gain - abs(wanted)), math.radians(off_deg(point, wanted)) * point.gain)
+        target = complex(sampled_response(machine, point.frequency_hz))
+        off = (abs(point.gain - abs(target)), math.radians(off_deg(point, target)) * point.gain)
         shares += [each / point.gain_ci for each in off]
         assert max(off) < point.gain_ci + 0.1 * machine.tool.count_um / point.amplitude_um
     assert sorted(shares)[-4] < 1.0
 
 
+@ON_ONE
 def test_a_lathe_that_is_not_its_profile_is_found_as_it_is(machine: MachineProfile) -> None:
     """7 % more mass, 6 % less thrust: the same loop with these numbers, and not with those of the profile."""
     other = replace(ideal(machine), moving_mass_kg=1.07 * 4.74, force_n_per_v=0.94 * 624.025)
@@ -104,6 +107,7 @@ def test_a_lathe_that_is_not_its_profile_is_found_as_it_is(machine: MachineProfi
         assert abs(cmath.rect(point.gain, math.radians(point.phase_deg)) / nominal - 1.0) > 0.03
 
 
+@ON_ONE
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
 def test_a_lathe_with_a_little_friction_is_found_with_it(machine: MachineProfile, path: Strategy) -> None:
     """Dry friction F takes from a sine of peak speed V what a damping of 4 F / (pi V) does."""
@@ -122,10 +126,10 @@ def test_a_lathe_with_a_little_friction_is_found_with_it(machine: MachineProfile
         cycles = int(path is Strategy.CAM)
         frequency_hz = point.frequency_hz
         true_response = complex(sampled_response(replace(machine, tool=tool), frequency_hz, GAINS))
-        wanted = late(true_response, frequency_hz, cycles)
+        target = late(true_response, frequency_hz, cycles)
         nominal = late(complex(sampled_response(machine, frequency_hz)), frequency_hz, cycles)
-        assert off_percent(point, wanted) < 0.5
-        assert off_deg(point, wanted) < 0.5
+        assert off_percent(point, target) < 0.5
+        assert off_deg(point, target) < 0.5
         assert off_percent(point, nominal) > 1.5
         assert off_deg(point, nominal) > 1.0
 
@@ -138,6 +142,7 @@ def test_what_it_holds_for_is_read_from_the_card(machine: MachineProfile) -> Non
     assert origin.servo_period_ms == pytest.approx(0.44271, abs=1e-5)
 
 
+@ON_ONE
 def test_other_gains_are_another_origin_and_another_response(machine: MachineProfile) -> None:
     """88 % of the acceleration feedforward that the mass needs, in the loop as it is calculated for the plan."""
     fed = {**machine.controller.variables, "I135": 29671}
@@ -145,10 +150,10 @@ def test_other_gains_are_another_origin_and_another_response(machine: MachinePro
     identified = found(ready(other), Strategy.PVT, 50.0)
     assert identified.origin.gains["I135"] == 29671
     (point,) = identified.points
-    wanted = complex(sampled_response(other, 50.0))
-    assert abs(wanted) > 1.07
-    assert off_percent(point, wanted) < 0.2
-    assert off_deg(point, wanted) < 0.2
+    target = complex(sampled_response(other, 50.0))
+    assert abs(target) > 1.07
+    assert off_percent(point, target) < 0.2
+    assert off_deg(point, target) < 0.2
 
 
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
@@ -165,6 +170,7 @@ def test_the_card_is_as_before_and_the_machine_at_rest(machine: MachineProfile, 
     assert not of.sim.controller.tables.tables
 
 
+@ON_ONE
 def test_the_spindle_stands_and_the_tool_stays_out(machine: MachineProfile) -> None:
     """The tool never goes further in than its amplitude and what the servo adds to it, 2.2 % at most."""
     of = ready(machine)
@@ -207,6 +213,7 @@ def test_a_stop_ends_it_with_the_drives_off_and_nothing_left(machine: MachinePro
     _left_safe(of)
 
 
+@ON_ONE
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
 def test_what_ends_the_program_itself_leaves_nothing_either(machine: MachineProfile, path: Strategy) -> None:
     """Ctrl-C as Python has it, in the middle of the swing: no error of ours."""
@@ -225,6 +232,7 @@ def test_what_ends_the_program_itself_leaves_nothing_either(machine: MachineProf
     _left_safe(of)
 
 
+@ON_ONE
 def test_a_line_that_is_lost_while_it_is_put_back_leaves_the_drives_off(machine: MachineProfile) -> None:
     of = ready(machine)
     request, client = of.rig.client.request, of.rig.client
@@ -242,6 +250,7 @@ def test_a_line_that_is_lost_while_it_is_put_back_leaves_the_drives_off(machine:
     _left_safe(of)
 
 
+@ON_ONE
 def test_where_rest_is_not_proven_all_is_put_back_but_what_would_throw_the_tool(machine: MachineProfile) -> None:
     of = ready(machine)
 
@@ -261,6 +270,7 @@ def test_where_rest_is_not_proven_all_is_put_back_but_what_would_throw_the_tool(
     assert of.sim.controller.tables.tables and of.sim.controller.variables.i(51) == 1.0
 
 
+@ON_ONE
 def test_a_machine_that_is_anothers_is_stopped_where_it_swings_and_left_as_it_is(machine: MachineProfile) -> None:
     of = ready(machine)
     wait, took_s = of.clock.wait, of.sim.now_s() + 1.5
@@ -280,6 +290,7 @@ def test_a_machine_that_is_anothers_is_stopped_where_it_swings_and_left_as_it_is
     assert not any(line.startswith(("OPEN", "DELETE", "ENDGATHER")) for line in of.lines)
 
 
+@ON_ONE
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
 def test_a_host_that_is_held_up_finds_the_motion_ended(machine: MachineProfile, path: Strategy) -> None:
     of = ready(machine)
@@ -320,6 +331,7 @@ def _left_safe(of: Stand) -> None:
     assert not of.sim.controller.programs[998].lines
 
 
+@ON_ONE
 @pytest.mark.parametrize("fault", ["jammed", "encoder_lost"])
 @pytest.mark.parametrize("frequency_hz", [2.0, 17.1, 51.3, 150.0])
 def test_a_tool_that_does_not_answer_ends_it_before_it_is_pushed_away(
@@ -340,10 +352,11 @@ def test_a_tool_that_does_not_answer_ends_it_before_it_is_pushed_away(
     assert ended.value.problems[0].code == "identify.no_motion"
     _left_safe(of)
     # The origin of the axis is where the zero of the motor is.
-    way_mm = abs(motor.iron - motor.axis.origin) / machine.tool.counts_per_mm
+    way_mm = abs(motor.true_position - motor.axis.origin) / machine.tool.counts_per_mm
     assert way_mm < pushed_mm(machine, 40.0, of.rig.lathe.round_trip_s) < CLEAR_MM
 
 
+@ON_ONE
 @pytest.mark.parametrize("frequency_hz", [34.2, 51.3, 102.6, 205.3])
 def test_looks_that_come_once_in_half_a_period_see_it_swing(machine: MachineProfile, frequency_hz: float) -> None:
     """Looks are whole background cycles of 4.87 ms apart here."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -10,9 +11,11 @@ import pytest
 
 from console.session.cut.context import Workshop
 from console.session.errors import SessionError
-from console.session.station.intents import Measure
-from console.session.station.orders import measure
+from console.session.station.commands import Measure
+from console.session.station.handlers import measure
 from console.session.station.state import Activity
+from drivers.cutting.planning import Strategy
+from tests.branching import Branching
 from tests.matrix.checks import (
     Kind,
     after_stop,
@@ -25,7 +28,7 @@ from tests.matrix.checks import (
     unasked,
 )
 from tests.matrix.faults import Row
-from tests.matrix.rig import Rig, build_rig
+from tests.matrix.rig import Rig, build_rig, compact_machine, planned_once, short_job
 from tests.matrix.situations import MAY_MOVE, MOVING, Begun, Situation, enter
 
 SETTLED_S, STEP_S = 0.6, 0.1
@@ -52,32 +55,63 @@ class Seen:
     done: bool
 
 
+LONG_WAY = frozenset({Situation.CUTTING, Situation.STOPPING})
+"""What takes long to come to: the way there is made once, and gone on from for each fault."""
+
+_WAYS: dict[tuple[Situation, Strategy], Branching[Row, Seen]] = {}
+
+
 def run_cell(row: Row, situation: Situation, records: Path) -> Seen:
     """Have a fault in a situation, wait until the console has come to an end, mend it, and look on."""
+    if row.early or situation not in LONG_WAY:
+        return _cell(situation, records, row.strategy, lambda: row, early=row.early)
+    way = situation, row.strategy
+    if way not in _WAYS:
+        planned_once(short_job(), compact_machine().machine, row.strategy)
+        _WAYS[way] = Branching(lambda wait: _cell(situation, records, row.strategy, wait))
+    return _WAYS[way](row)
+
+
+def _cell(
+    situation: Situation, records: Path, strategy: Strategy, which: Callable[[], Row], *, early: bool = False
+) -> Seen:
+    """`which` is asked for the fault when it is to happen."""
     rig = build_rig(records)
     wrong: list[str] = []
     rig.looks.append(lambda snapshot: wrong.extend(misread(rig, snapshot)))
-    begun = Begun(rig=rig, fault=lambda: row.inject(rig.sim), early=row.early, strategy=row.strategy)
+    met: list[Row] = []
+
+    def happen() -> None:
+        met.append(which())
+        met[0].inject(rig.sim)
+
+    begun = Begun(rig=rig, fault=happen, early=early, strategy=strategy)
     enter(situation, begun)
     assert begun.at_s is not None
+    (row,) = met
+    return _seen(rig, row, situation, begun.at_s, wrong)
+
+
+def _seen(rig: Rig, row: Row, situation: Situation, begun_s: float, wrong: list[str]) -> Seen:
+    """What is seen from the fault on. `wrong` is what was found so far, and grows."""
     _settle(rig)
     state, end_s = rig.state, rig.sim.now_s()
     told = (*(a.problem.code for a in state.alarms), *(p.code for p in state.refusals))
-    sent = [piece for piece in rig.wire.sent if piece.at_s >= begun.at_s]
+    sent = [piece for piece in rig.wire.sent if piece.at_s >= begun_s]
     end = state.activity
     wrong += restless(rig, row, lost=end is Activity.LOST, idle=end is Activity.READY)
     _mend(rig)
-    after = rig.sim.since(begun.at_s)
+    after = rig.sim.since(begun_s)
     may_move = {*MAY_MOVE.get(situation, ()), *row.moves}
     switched_off = next(place for place, piece in enumerate(rig.wire.sent) if piece.urgent)
     wrong += [
-        *energised(rig, begun.at_s, row),
+        *energised(rig, begun_s, row),
         *unasked(after, may_move),
         *after_stop(rig.wire.sent[switched_off + 1 :]),
     ]
     wrong += slow_to_repeat(sent, lost=end is Activity.LOST)
     if situation in MOVING and NO_ANSWER & set(told):
-        wrong += slow_to_stop(sent, begun.at_s)
+        wrong += slow_to_stop(sent, begun_s)
     if any(a.problem.code == "session.fault" for a in rig.state.alarms):
         wrong.append(f"an exception: {rig.state.alarms}")
     return Seen(

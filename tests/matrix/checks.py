@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from console.session.station.state import STALE_S
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.pmac.foreseen import foresee
+from drivers.pmac.expected_replies import foresee
 from tests.matrix.faults import Row
 from tests.matrix.rig import Watched
 from tests.matrix.truth import MOTORS, Moment, Sent
@@ -79,7 +79,7 @@ def restless(watched: Watched, row: Row, *, lost: bool, idle: bool) -> list[str]
 
 def way(moments: list[Moment], place: int) -> float:
     """Return how far the iron of an axis has gone to and fro, counts."""
-    track = [moment.iron[place] for moment in moments]
+    track = [moment.true_position[place] for moment in moments]
     return max(track) - min(track)
 
 

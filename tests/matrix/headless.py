@@ -17,13 +17,14 @@ from console.session.errors import Interrupted
 from console.session.signals import Interruption
 from console.session.station.owning import Owning
 from console.session.station.reaching import guard, leave
-from drivers.cutting.planning import CutPlan
+from drivers.cutting.planning import CutPlan, Strategy
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.problem import ProblemError
 from profiles.traces import Trace
+from tests.branching import Branching
 from tests.matrix.cell import NO_ANSWER
 from tests.matrix.checks import (
     Kind,
@@ -36,7 +37,7 @@ from tests.matrix.checks import (
     slow_to_stop,
     unasked,
 )
-from tests.matrix.faults import Row
+from tests.matrix.faults import NO_FAULT, Row
 from tests.matrix.rig import Watched, build_watched, compact_machine, planned_once, short_job
 from tests.matrix.truth import Sent
 
@@ -93,16 +94,30 @@ class Part:
     wrong: tuple[str, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """How a part is made up to its fault; that of an `early` one is none."""
+
+    moment: Moment
+    strategy: Strategy
+    early: bool
+
+
+_WAYS: dict[Way, Branching[Row, Part]] = {}
+
+
 class Made:
     """A part that is being made, with a fault that happens once."""
 
-    def __init__(self, row: Row, moment: Moment, records: Path) -> None:
+    def __init__(self, which: Callable[[], Row], way: Way, records: Path) -> None:
+        """`which` is asked for the fault when it is to happen."""
         self.watched = build_watched()
         self.wrong: list[str] = []
         self.at_s: float | None = None
         self.measured = False
-        self.plan: CutPlan = planned_once(short_job(), compact_machine().machine, row.strategy)
-        self._row, self._moment, self._step = row, moment, Step.LOAD
+        self.plan: CutPlan = planned_once(short_job(), compact_machine().machine, way.strategy)
+        self.row = NO_FAULT
+        self._which, self._way, self._step = which, way, Step.LOAD
         lathe, wire = self.watched.lathe, self.watched.wire
         self.owning = Owning(lathe, wire.address, records)
         self.watched.looks += [self._look, lambda seen: self.wrong.extend(misread(self.watched, seen))]
@@ -114,7 +129,7 @@ class Made:
         """Make it; return how it has ended, and why."""
         watched = self.watched
         context = CutContext(lathe=watched.lathe, workshop=self, admit=self.owning.claim)
-        if self._row.early:
+        if self._way.early:
             self._happen()
         try:
             cut_part(context, short_job(), self.plan, self._told)
@@ -130,8 +145,9 @@ class Made:
     def _happen(self) -> None:
         if self.at_s is None:
             self.at_s = self.watched.sim.now_s()
-            self._row.inject(self.watched.sim)
-            if self._row is INTERRUPT:
+            self.row = self._which()
+            self.row.inject(self.watched.sim)
+            if self.row == INTERRUPT:
                 self._interruption.end(SIGINT.name)
 
     def mount(self, job: Job) -> None:
@@ -141,7 +157,7 @@ class Made:
         self.measured = True
         return cast(Trace, None)
 
-    def look(self) -> ShopView:
+    def look(self) -> WorkshopView:
         return self.watched.sim.look()
 
     def set_spindle(self, rpm: float | None) -> None:
@@ -149,16 +165,16 @@ class Made:
 
     def _told(self, step: Step, _: str) -> None:
         self._step = step
-        if _BEGINNING.get(step) is self._moment:
+        if _BEGINNING.get(step) is self._way.moment:
             self._happen()
 
     def _line(self, sent: Sent) -> None:
-        path = self._moment is Moment.LOADING and sent.line.startswith("PVT")
-        if path or self._moment is Moment.CLAIMING:
+        path = self._way.moment is Moment.LOADING and sent.line.startswith("PVT")
+        if path or self._way.moment is Moment.CLAIMING:
             self._happen()
 
     def _look(self, seen: Snapshot) -> None:
-        met = _CONDITIONS.get(self._moment)
+        met = _CONDITIONS.get(self._way.moment)
         if met is not None and met(self._step, seen, self.plan):
             self._happen()
 
@@ -190,11 +206,25 @@ _CONDITIONS: dict[Moment, Callable[[Step, Snapshot, CutPlan], bool]] = {
 
 
 def make(row: Row, moment: Moment, records: Path) -> Part:
-    """Make a part with a fault, mend it, look on, and leave the machine as the command does."""
-    made = Made(row, moment, records)
+    """Make a part with a fault, mend it, look on, and leave the machine as the command does.
+
+    The way to the fault is made once, and gone on from for each.
+    """
+    way = Way(moment=moment, strategy=row.strategy, early=row.early)
+    if way.early or moment is Moment.CLAIMING:
+        return _made(lambda: row, way, records)
+    if way not in _WAYS:
+        planned_once(short_job(), compact_machine().machine, row.strategy)
+        _WAYS[way] = Branching(lambda wait: _made(wait, way, records))
+    return _WAYS[way](row)
+
+
+def _made(which: Callable[[], Row], way: Way, records: Path) -> Part:
+    made = Made(which, way, records)
     watched = made.watched
     end, codes = made.cut()
     assert made.at_s is not None, "the fault has not happened"
+    row, moment = made.row, way.moment
     everything = tuple(watched.wire.sent)
     sent = [piece for piece in everything if piece.at_s >= made.at_s]
     lost = end is End.UNPROVEN

@@ -13,68 +13,69 @@ from tests.matrix.situations import Situation
 
 _HEAD = """# The fault matrix
 
-What the console makes of each fault ([faults.md](faults.md)) in each state that it may be in: first as the screens
-work it, then as `console run` does, which makes one part and has nobody at its keys. Each cell is tried on the
-simulated lathe, with the heartbeat that a host keeps, and all that was sent and every axis is looked at.
+The outcome of each fault ([faults.md](faults.md)) in each state of the console: first at the screens, then in
+`console run`, which makes one part without anybody at its keys. Each cell is tested on the simulated lathe, with
+the heartbeat that a host keeps; the test checks everything that was sent, and every axis.
 
-In no cell does anything move that was not ordered, nor behind the end. No line that moves or writes is sent more
-often than without the fault, and none behind a stop. No position is shown that the card did not have between
-request and reply. Nothing switches an amplifier on. No exception is shown. What moves without an answer is
+In no cell does anything move without a command, nor after the end. No line that moves or writes is sent more
+often than without the fault, and none after a stop. No position is shown that the controller did not have between
+request and reply. Nothing enables an amplifier. No exception is shown. Motion without an answer is
 stopped within a second, and a stop that is not proven goes out five times a second. When the fault is gone nothing
-goes on by itself, and a machine that was lost is found again at rest, unless its link is gone for good. A cut that
-ends otherwise than planned is not called done: its part is not measured, and nothing is learned from it.
+resumes by itself, and a machine that was lost is found again at rest, unless its link is gone for good. A cut that
+ends otherwise than planned does not count as done: its part is not measured, and nothing is learned from it.
 
-A cell says how it ends, the strongest thing that was sent (a stop, before a line, before a renewal of the lease,
-before nothing but looks), and the alarms, or the reasons of a refusal:
+A cell gives the final state, the strongest thing that was sent (a stop, before a line, before a renewal of the
+heartbeat, before polls alone), and the alarms, or the reasons of a refusal:
 
-- **ready**, **armed**: the console goes on. **stopped**: rest is proven, and F2 goes on. **lost**: it cannot be
-  proven; the lease ends what moves.
-- `–` is as without the fault. An empty cell is not tried: another one says the same, or its fault is of something
-  that is not there. A stop in parentheses may be sent, when a look fails on the way to rest.
+- **ready**, **armed**: the console continues. **stopped**: rest is proven, and F2 resets. **lost**: rest cannot be
+  proven; the heartbeat ends what moves.
+- `–` is as without the fault. An empty cell is not tested: another one shows the same, or its fault concerns
+  something that does not exist there. A stop in parentheses may be sent, when a poll fails on the way to rest.
 - *no answer* is one of `link.silent`, `link.out_of_step` and `link.not_in_step`: nothing came, or something else,
-  or the way back in step was not found.
+  or the client did not resynchronise.
 - Control-A is sent only while every loop was seen closed and nothing is in doubt. A fault of the line puts that in
   doubt, an amplifier fault or a trip opens a loop: then it is control-K, and the spindle coasts.
 
-*Drives off* is with hands in the machine. The jog is one of the carriage, the home search that of the tool. The
-download is that of a program, the cut one of experiment 1 at 1000 rpm. What is being stopped is that cut, by
-Space, and the fault comes at that moment.
+*Drives off*: somebody is inside the guard. The jog is one of the carriage, the home search that of the tool. The
+download is that of a program, the cut one of experiment 1 at 1000 rpm. *Stopping* is that cut after Space; the
+fault comes at that moment.
 
 ## At the screens
 
 """
 
 _HEADLESS = """
-## A part that nobody sits at
+## Without an operator
 
-`console run` claims the machine, loads the program and reads it back, switches the drives on and homes, goes to
-the start, compares everything once more (*checking*), starts, cuts, takes the tool out, and looks whether all is
+`console run` claims the machine, loads the program and reads it back, enables the drives and homes, moves to
+the start, compares everything once more (*checking*), starts, cuts, retracts the tool, and checks that all is
 at rest and the tool clear (*ended*). The fault comes in the middle of it: of *claiming* with the first line that
 is sent, of *loading* with the first line of the path, of *homing* in the search of the tool, of *positioning* with
-the carriage on its way; *starting* is behind the last comparison.
+the carriage on its way; *starting* is after the last comparison.
 
-It ends with a part, or with an error: **refused** or **interrupted**, nothing has moved, or the machine is
-another's; **stopped**, rest is proven, and the error says whether the tool is in the part and can be taken out;
-**unproven**, the machine may move until its lease ends it. Only a part that is made is measured. What was sent and
-what has moved is judged as above, also while the machine is left behind with its drives off.
+It ends with a part, or with an error. **refused** or **interrupted**: nothing has moved, or another console
+controls the machine. **stopped**: rest is proven, and the error states whether the tool is in the part and can be
+retracted. **unproven**: the machine may move until its heartbeat ends that. Only a finished part is measured. What
+was sent and what has moved is checked as above, also while the machine is left with its drives disabled.
 
 """
 
 _LIMITS = """
 ## What cannot be seen
 
-- An axis whose encoder does not count looks as if it rested. After a trip by a lost encoder the spindle may coast
-  on while the console proves rest: it goes by what the card reports. The alarm names the axis.
-- Control-A closes a loop that has tripped, or was opened by another host, since the last look, where it stands.
-  The card trips it again if the cause lasts; the next look then finds it open, and the next stop is control-K.
-- What another host moves, switches on or writes is not prevented. During a motion of this console the next look
-  judges it: what was not ordered is stopped at that look. The constants of a program that runs are read in turn,
-  within a second, unless an axis has left its plan before. At rest, what another host moves is that host's, and is
-  left alone; what it has switched off or rewritten is refused with the next order, and a feed override is met at
-  the first look of the program. Between the last comparison and the start a program may be rewritten: it then
+- An axis whose encoder does not count appears to rest. After a trip by a lost encoder the spindle may coast
+  while the console proves rest: it relies on the controller's report. The alarm names the axis.
+- Control-A closes a loop that has tripped, or that another host has opened, since the last poll, where it stands.
+  The controller trips it again if the cause lasts; the next poll then finds it open, and the next stop is
+  control-K.
+- The console does not prevent what another host moves, enables or writes. During a motion of this console the next
+  poll checks it: uncommanded motion is stopped at that poll. The constants of a running program are read in turn,
+  within a second, unless an axis has left its plan before. At rest the motion of another host is left
+  alone; the next command refuses what it has disabled or rewritten, and the first poll of the program finds a feed
+  override. Between the last comparison and the start a program may be rewritten: it then
   runs until an axis leaves the plan, or it ends otherwise than the planned one.
-- A line that arrives otherwise than it was sent is seen by what it does. What is loaded is read back, so that it
-  does nothing; a jog has begun by the time of the next look.
+- A line that arrives otherwise than it was sent shows only in its effect. What is loaded is read back, so that it
+  has none; a jog has begun by the time of the next poll.
 """
 
 
@@ -134,6 +135,6 @@ def _code(code: str) -> str:
 def _not_yet(wrong: Collection[str]) -> Iterator[str]:
     if not wrong:
         return
-    yield "\n### Not yet so\n\nIn the cells with an asterisk it is not yet as the table says:\n\n"
+    yield "\n### Not yet so\n\nThe cells with an asterisk do not yet behave as the table states:\n\n"
     for what in wrong:
         yield f"- {what}\n"

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from random import Random
 
+from console.session.data import record_file
+from console.session.station.context import StationContext
 from console.session.station.owning import Owning
 from console.session.station.state import StationState
 from console.session.station.station import Station
-from console.session.station.workplace import Workplace
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -42,7 +44,7 @@ class Rig(Watched):
     """A station at it; `looks` are called before the station sees one."""
 
     station: Station
-    place: Workplace
+    place: StationContext
 
     @property
     def state(self) -> StationState:
@@ -66,10 +68,20 @@ _PLANS: dict[object, CutPlan] = {}
 
 def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given: object) -> CutPlan:
     """The plan of a cut; the same cut is planned once for all cells. Job and machine are always those above."""
-    wanted = (strategy, *sorted(given.items()))
-    if wanted not in _PLANS:
-        _PLANS[wanted] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
-    return _PLANS[wanted]
+    target = (strategy, *sorted(given.items()))
+    if target not in _PLANS:
+        _PLANS[target] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
+    return _PLANS[target]
+
+
+def record_in_memory(folder: Path, until_s: float) -> sqlite3.Connection:
+    """Open a record that each copy of a process has for itself."""
+    path = folder / record_file.FILE_NAME
+    path.touch()
+    path.with_name(f"{path.name}-wal").touch()
+    database = sqlite3.connect(":memory:", isolation_level=None)
+    record_file._made_ready(database, path)
+    return database
 
 
 def build_watched() -> Watched:
@@ -93,7 +105,7 @@ def build_rig(records: Path) -> Rig:
     """Put lathe and station together as a screen has them, with a heartbeat; nothing is connected yet."""
     watched = build_watched()
     looks: list[Callable[[Snapshot], None]] = []
-    place = Workplace(
+    place = StationContext(
         lathe=watched.lathe,
         owning=Owning(watched.lathe, watched.wire.address, records),
         machine=compact_machine(),

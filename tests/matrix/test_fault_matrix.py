@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from console.session.cut import planning
+from console.session.data import records
 from drivers.lathe import standstill
 from drivers.simulator.faults.catalogue import CATALOGUE
 from tests.matrix.cell import run_cell
@@ -20,7 +21,7 @@ from tests.matrix.faults import ROWS, Row
 from tests.matrix.judging import problems
 from tests.matrix.known import KNOWN
 from tests.matrix.page import page
-from tests.matrix.rig import planned_once
+from tests.matrix.rig import planned_once, record_in_memory
 from tests.matrix.situations import Situation
 
 PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"
@@ -32,8 +33,9 @@ PATIENCE_S = 20.0
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plan once for all cells, and wait no longer than for that spindle."""
+    """Plan once for all cells, wait no longer than for that spindle, and keep records nowhere."""
     monkeypatch.setattr(planning, "plan_cut", planned_once)
+    monkeypatch.setattr(records, "opened", record_in_memory)
     monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", PATIENCE_S)
 
 

@@ -182,6 +182,15 @@ def test_the_lever_of_the_overhang_empties_a_jaw_edge(jaws: int, overhang_mm: fl
     assert lifting_n == pytest.approx(2 * jaws * most_n)
 
 
+def test_the_grip_that_a_cut_needs_is_against_slipping_and_against_lifting_together() -> None:
+    """hypot(F_c, F_f) / mu, and 4 hypot(F_c, F_p) (1 + 30 / 40) on top."""
+    cut = cutting_force(material_named("Al"), 0.1, 0.05)
+    slipping_n = math.hypot(cut.main_n, cut.feed_n) / 0.2
+    lifting_n = 7.0 * math.hypot(cut.main_n, cut.passive_n)
+    needed_n = cut_grip_n(cut, friction=0.2, overhang_mm=30.0, jaw_length_mm=40.0)
+    assert needed_n == pytest.approx(slipping_n + lifting_n)
+
+
 def test_the_torque_comes_from_the_machines_own_wrench_or_not_at_all() -> None:
     assert clamping_advice(JOB, LATHE).torque_n_m == pytest.approx(1314 / 377)
     # The force that there is without any torque needs none: (1314 - 114) / 377.

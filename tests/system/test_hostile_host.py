@@ -161,28 +161,13 @@ def ended_at_a_turn(err: str) -> bool:
     return early is not None and 0 < int(early[1]) < int(early[2])
 
 
-@pytest.mark.parametrize(
-    ("line", "by_whom"),
-    [
-        ("M26=1\r", "another host requested the end of the program (M26)"),
-        ("&1A\r", "at the controller or by another host"),
-    ],
-)
-def test_a_cut_that_another_host_ends_is_told_with_its_turn_and_never_called_done(
-    shed: Shed, line: str, by_whom: str
-) -> None:
+def test_a_cut_that_another_host_ends_is_told_with_its_turn_and_never_called_done(shed: Shed) -> None:
+    """What else it may do to a cut is tried in one process: tests/console/test_cuts_of_others.py."""
     shed.sees(shed.in_the_part)
-    shed.another_host_sends(line)
+    shed.another_host_sends("M26=1\r")
     err = is_not_called_good(shed)
-    assert by_whom in err and ended_at_a_turn(err)
+    assert "another host requested the end of the program (M26)" in err and ended_at_a_turn(err)
     assert shed.deepest_um > DEEPEST_UM
-
-
-def test_a_cut_that_another_host_holds_is_stopped(shed: Shed) -> None:
-    shed.sees(shed.in_the_part)
-    at_s = shed.another_host_sends("&1H\r")
-    assert re.search("the feed override is at|nothing has moved for", is_not_called_good(shed))
-    assert shed.stopped_s(at_s) - at_s < REACTS_WITHIN_S
 
 
 def test_a_controller_that_is_reset_in_a_cut_is_stopped(shed: Shed) -> None:
@@ -190,13 +175,6 @@ def test_a_controller_that_is_reset_in_a_cut_is_stopped(shed: Shed) -> None:
     shed.sees(shed.in_the_part)
     at_s = shed.another_host_sends("$$$\r")
     shed.card.sees(lambda: any(each > at_s and set(data) & {1, 11} for each, data in shed.card.words.said))
-    assert shed.stopped_s(at_s) - at_s < REACTS_WITHIN_S
-
-
-def test_a_cut_whose_depth_another_host_changes_is_stopped(shed: Shed) -> None:
-    shed.sees(shed.in_the_part)
-    at_s = shed.another_host_sends("P11=P11+500\r")
-    assert re.search("P11 in the controller|tool is commanded to", is_not_called_good(shed))
     assert shed.stopped_s(at_s) - at_s < REACTS_WITHIN_S
 
 

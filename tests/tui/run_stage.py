@@ -19,8 +19,8 @@ from console.session.station.progress import CutProgress, CutStage, Synchronisat
 from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, StationState, StopState, TouchedBlank
 from console.session.work import Work
-from console.tui.desk import View
 from console.tui.pages.run import RunPage
+from console.tui.ui_context import View
 from drivers.lathe.snapshot import Snapshot
 from profiles.machine import SAFETY_DEVICES
 from tests.tui.machine_states import ON, REST, aligned, look_at
@@ -81,7 +81,7 @@ def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
         "speed_rpm": 1000.3,
         "tool_radius_mm": 25.9271,
         "infeed_um": 72.9,
-        "wanted_um": 73.5,
+        "target_um": 73.5,
         "tool_error_um": -0.6,
         "tool_error_peak_um": 1.4,
         "following_error_um": 12.3,

@@ -11,14 +11,14 @@ import pytest
 from textual.widgets import Input
 
 from console.session.cut.alignment import Alignment
-from console.session.station.intents import Home, Intent
+from console.session.station.commands import Command, Home
 from console.session.station.state import Activity, Armed, StationState, StopState
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.standing import Standing
+from drivers.lathe.control_state import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.scenes import Scene, application, fill, played
@@ -48,7 +48,7 @@ class Console:
         self.app, self.control = app, control
 
     @property
-    def orders(self) -> list[Intent]:
+    def orders(self) -> list[Command]:
         return self.control.orders
 
     @property
@@ -176,7 +176,7 @@ def test_why_a_key_stopped_the_machine_stays_said(tmp_path: Path) -> None:
 def test_escape_closes_the_list_of_keys_at_rest_and_stops_nothing(tmp_path: Path) -> None:
     console = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "?"), (0.5, "escape"))
     assert console.control.stops == []
-    assert console.app._listed == 0
+    assert not console.app._list.is_open
 
 
 def test_escape_without_a_list_is_a_stop_at_rest(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import FOLDER, asked_for, versions
-from console.session.learning.part_lesson import PartLesson
+from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, with_strategy
@@ -154,7 +154,7 @@ def test_why_nothing_is_learned_and_what_comes_next_fit_the_screen(
 def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path: Path) -> None:
     assert PART.lesson is not None and PART.lesson.taught is not None
     made = replace(PART.lesson.made, stage="partial")
-    half = replace(PART, lesson=PartLesson(made=made, problems=(Problem(code="learned.nothing"),)))
+    half = replace(PART, lesson=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
     page = shown_on(InspectPage, replace(MEASURED, measured=half), work=cam())
     assert "PASS" not in page.text and "half cut: not judged" in page.text
     assert "full compensation next" in page.next_step
@@ -233,9 +233,9 @@ def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
     path = chosen.of(work, JAW, simulated=True)
     assert path is not None and path is chosen.of(replace(work), JAW, simulated=True)
     turn_deg = (12.63 - work.job.jaw_1_deg) % 120.0
-    assert (path.wanted.crest_deg - one.path.wanted.crest_deg) % 120.0 == pytest.approx(turn_deg)
+    assert (path.target.crest_deg - one.path.target.crest_deg) % 120.0 == pytest.approx(turn_deg)
     half = chosen.of(replace(work, stage="partial"), JAW, simulated=True)
-    assert half is not None and half.wanted.amplitude_um == pytest.approx(0.5 * path.wanted.amplitude_um)
+    assert half is not None and half.target.amplitude_um == pytest.approx(0.5 * path.target.amplitude_um)
     assert chosen.of(cam(), JAW, simulated=True) is None
     assert chosen.of(with_strategy(work, "pvt"), JAW, simulated=True) is None
 

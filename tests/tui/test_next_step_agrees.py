@@ -19,7 +19,7 @@ from console.tui.pages.learn_lines import learn_lines
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
 from drivers.cutting.planning import Strategy
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.problem import Problem
@@ -117,7 +117,7 @@ def test_the_touch_off_asks_for_what_is_left_of_it(
     carriage_mm: float, gap_mm: float | None, said: str, language: str
 ) -> None:
     text = load(language)
-    seen = ShopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=gap_mm)
+    seen = WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=gap_mm)
     snapshot = align_stage.look(carriage_mm=carriage_mm)
     now = align_stage.state(replace(align_stage.VALID, touch_off=None), seen=seen, snapshot=snapshot)
     page = shown_on(AlignPage, now, language=language)
@@ -136,7 +136,7 @@ def test_nobody_is_sent_on_to_align_past_what_was_found(language: str) -> None:
         severity=Severity.WARNING,
         problem=Problem(code="rule.lobe_unstated", key="lobe_error_source", value="measured", limit="lobe_tool"),
     )
-    taught_by = ExpectedPart(ront_um=2.4, lobe=made.wanted.waves[0])
+    taught_by = ExpectedPart(ront_um=2.4, lobe=made.target.waves[0])
     for found in (False, True):
         seen = replace(made, findings=(warning,) if found else ())
         plainly = replace(signed(), outlook=seen, preview=seen)

@@ -18,11 +18,11 @@ from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
-from console.tui.desk import View
 from console.tui.lines import plain
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
 from console.tui.pages.preview_lines import Margin, margin_lines, margins, strategy_lines
 from console.tui.theme import Token
+from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.preview.preview import Preview, preview
 from drivers.preview.program_prediction import Prediction, followed, predict
@@ -195,8 +195,8 @@ def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
     assert (without.token, without.dashed) == (Token.BEFORE, True)
     assert (with_.token, with_.dashed) == (Token.AFTER, False)
     assert float(np.ptp(np.asarray(without.deviation_um))) == pytest.approx(55.0, abs=0.01)
-    wanted, command = path_series(seen(), Strategy.PVT)
-    assert (wanted.dashed, command.dashed) == (False, True)
+    target, command = path_series(seen(), Strategy.PVT)
+    assert (target.dashed, command.dashed) == (False, True)
     assert float(np.ptp(np.asarray(command.y))) == pytest.approx(62.1, abs=0.1)
     assert len(roundness_traces(seen(), Strategy.NONE)) == 1
 

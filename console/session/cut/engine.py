@@ -12,7 +12,14 @@ from enum import StrEnum
 from typing import Protocol
 
 from console.session.cut.context import CutContext
-from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, Interlock, at_speed, of_machine, refuse_unless
+from console.session.cut.interlocks import (
+    SPEED_BAND,
+    START_BAND_COUNTS,
+    Interlock,
+    at_speed,
+    of_machine,
+    refuse_unless,
+)
 from console.session.cut.planned_cut import PlannedCut, refuse_unless_held
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError

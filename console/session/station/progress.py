@@ -22,10 +22,10 @@ from profiles.machine import MachineProfile
 LOOKED_S = 1.0
 """Time over which the speed is told: that of a single look is known to some ms only."""
 
-KEPT_LOOKS = 240
+KEPT_POLLS = 240
 """Looks that are shown and judged: some eight seconds."""
 
-PHASE_LOOKS = 60
+PHASE_POLLS = 60
 
 BEGUN_UM = 20.0
 """A tool that has gone so far from where the program found it was moved by the program."""
@@ -75,7 +75,7 @@ class CutProgress:
     speed_rpm: float | None
     tool_radius_mm: float
     infeed_um: float
-    wanted_um: float
+    target_um: float
     tool_error_um: float
     tool_error_peak_um: float
     following_error_um: float
@@ -138,7 +138,7 @@ class SpindleWatch:
 
     def __init__(self, counts_per_rev: float) -> None:
         self._counts_per_rev = counts_per_rev
-        self._looks: list[tuple[float, float]] = []
+        self._poller: list[tuple[float, float]] = []
         self._homed = False
 
     def see(self, snapshot: Snapshot) -> float | None:
@@ -147,13 +147,13 @@ class SpindleWatch:
         if homed != self._homed:
             self._homed = homed
             self.forget()  # the zero of the counts has moved, not the spindle
-        self._looks = [look for look in self._looks if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
-        self._looks.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
-        return 60.0 * _slope(self._looks) if len(self._looks) > 1 else None
+        self._poller = [look for look in self._poller if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
+        self._poller.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
+        return 60.0 * _slope(self._poller) if len(self._poller) > 1 else None
 
     def forget(self) -> None:
         """Leave out what was seen until now: it tells of another motion."""
-        self._looks = []
+        self._poller = []
 
 
 class CutWatch:
@@ -165,37 +165,37 @@ class CutWatch:
         end = plan.carriage_start + plan.setup.carriage_counts
         self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
         self._end = end
-        self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
-        self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
-        self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
+        self._poller: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
+        self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_POLLS)
+        self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
-        self._phase_limit_deg = phase_limit_deg(plan.wanted, job.roundness_tolerance_um)
+        self._phase_limit_deg = phase_limit_deg(plan.target, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
         """Take a look into account and return the moment that it shows, with the speed of the spindle in it."""
         angle_deg = self._angle_deg(snapshot)
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
-        wanted_um = float(self._plan.wanted.at_um(angle_deg))
-        error_um = infeed_um - wanted_um
+        target_um = float(self._plan.target.at_um(angle_deg))
+        error_um = infeed_um - target_um
         # A hold takes the tool out while the carriage still stands over the part: what it leaves is not judged.
         self._held = self._held or (holding and is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
-        self._over = self._over or (bool(self._looks) and infeed_um < 0.0)
+        self._over = self._over or (bool(self._poller) and infeed_um < 0.0)
         cutting = cutting and not self._held and not self._over
         if cutting and snapshot.program_running:
             stage = CutStage.CUT
             self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
-            self._looks.append((angle_deg % 360.0, error_um))
+            self._poller.append((angle_deg % 360.0, error_um))
             self._infeeds.append((angle_deg, infeed_um))
             if AxisName.SPINDLE in snapshot.driven:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
-        elif stage is CutStage.RUN_UP and self._looks:
+        elif stage is CutStage.RUN_UP and self._poller:
             # A program that somebody else has stopped leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
-        return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, wanted_um)
+        return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, target_um)
 
     def _moment(
         self,
@@ -204,12 +204,12 @@ class CutWatch:
         holding: bool,
         speed_rpm: float | None,
         infeed_um: float,
-        wanted_um: float,
+        target_um: float,
     ) -> CutProgress:
         machine, job = self._machine, self._job
         z_mm = self._done_mm(snapshot, stage)
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
-        angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
+        angles, errors = np.array(self._poller, dtype=np.float64).reshape(-1, 2).T
         phase = self._phase()
         return CutProgress(
             stage=stage,
@@ -222,8 +222,8 @@ class CutWatch:
             speed_rpm=speed_rpm,
             tool_radius_mm=machine.tool.home_radius_mm - snapshot.tool.position / machine.tool.counts_per_mm,
             infeed_um=infeed_um,
-            wanted_um=wanted_um,
-            tool_error_um=infeed_um - wanted_um,
+            target_um=target_um,
+            tool_error_um=infeed_um - target_um,
             tool_error_peak_um=self._peak_um,
             following_error_um=snapshot.tool.following_error * machine.tool.count_um,
             phase=phase,
@@ -255,14 +255,14 @@ class CutWatch:
         self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: Phase | None
     ) -> Synchronisation | None:
         plan, in_phase = self._plan, is_in_phase(phase, self._phase_limit_deg)
-        wanted_rpm = plan.spindle_speed_rpm
+        target_rpm = plan.spindle_speed_rpm
         if stage is CutStage.CUT:
-            return in_part(plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, in_phase=in_phase)
+            return in_part(plan.strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, in_phase=in_phase)
         if stage is not CutStage.RUN_UP or not snapshot.program_running:
             return None
         way_um = (snapshot.tool.position - plan.tool_start) * self._machine.tool.count_um
         return before_part(
-            plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, begun=abs(way_um) > BEGUN_UM
+            plan.strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, begun=abs(way_um) > BEGUN_UM
         )
 
     def _ripple(self) -> SpindleRipple | None:
@@ -270,7 +270,7 @@ class CutWatch:
         return spindle_ripple(looks, self._machine.spindle.counts_per_rev)
 
     def _phase(self) -> Phase | None:
-        return phase_of(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted) if self._judged else None
+        return phase_of(np.array(self._infeeds).reshape(-1, 2), self._plan.target) if self._judged else None
 
     def _angle_deg(self, snapshot: Snapshot) -> float:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
@@ -285,7 +285,7 @@ def _slope(points: list[tuple[float, float]]) -> float:
 
 
 def before_part(
-    strategy: Strategy, *, spindle_rpm: float | None, wanted_rpm: float, begun: bool
+    strategy: Strategy, *, spindle_rpm: float | None, target_rpm: float, begun: bool
 ) -> Synchronisation | None:
     """Return what a program that runs is at, before the part is reached; None where the tool follows no lobe.
 
@@ -294,13 +294,13 @@ def before_part(
     """
     if not strategy.traits.follows_lobe:
         return None
-    at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - wanted_rpm) <= SPEED_BAND * wanted_rpm
+    at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - target_rpm) <= SPEED_BAND * target_rpm
     waits = strategy.traits.spindle_time and at_speed and not begun
     return Synchronisation.WAITING if waits else Synchronisation.QUEUED
 
 
 def in_part(
-    strategy: Strategy, *, spindle_rpm: float | None, wanted_rpm: float, in_phase: bool | None
+    strategy: Strategy, *, spindle_rpm: float | None, target_rpm: float, in_phase: bool | None
 ) -> Synchronisation | None:
     """Return whether tool and spindle are together in the part; None while that is not known, or without a lobe.
 
@@ -308,7 +308,7 @@ def in_part(
     """
     if not strategy.traits.follows_lobe:
         return None
-    if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * wanted_rpm:
+    if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * target_rpm:
         return Synchronisation.LOST
     if in_phase is None:
         return None

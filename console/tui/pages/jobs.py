@@ -11,12 +11,12 @@ from console.session.data.history import LastResults, last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity, StationState
 from console.session.work import Work, opened
-from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -38,7 +38,7 @@ class JobsPage(Page):
     }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         self._table = Sheet(desk.palette, classes="table")
         self._summary = Sheet(desk.palette, classes="summary")
@@ -91,10 +91,10 @@ class JobsPage(Page):
     def _read(self) -> None:
         """List the files again; the selection stays on its job, at first it is that in hand."""
         before = self._jobs.entry
-        wanted = before.path if before else self.desk.work.loaded.path if self.desk.work else None
+        target = before.path if before else self.desk.work.loaded.path if self.desk.work else None
         self._entries = list_jobs(jobs_folder(self.desk.data))
         paths = [entry.path for entry in self._entries]
-        place = paths.index(wanted) if wanted in paths else self._selected
+        place = paths.index(target) if target in paths else self._selected
         self._selected = max(min(place, len(paths) - 1), 0)
         self._fresh = True
         self._loaded.clear()

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len
 
-from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, overrun
+from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, stopping_distance
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, Piece, clipped, dim, line, ranged, to_the_right, wrapped
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.machine import MachineProfile
 
 _RUNG_WIDTH = 7
@@ -37,20 +37,20 @@ class JogView:
     moving: bool
     longest_mm: float
     simulated: bool
-    seen: ShopView | None
+    seen: WorkshopView | None
 
 
 def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:
     """Return the jog panel; in little room the picture of the directions goes first, then the overrun."""
     must = [_enable_line(text, jog, width), *_ladder(text, jog)]
     seen = seen_lines(text, jog, width)
-    picture, run_on = _directions(text, jog), [_overrun_line(text, jog)]
-    if len(must) + len(seen) + len(picture) + len(run_on) <= height:
-        spare = height - len(must) - len(seen) - len(picture) - len(run_on)
+    picture, stopping_distance = _directions(text, jog), [_overrun_line(text, jog)]
+    if len(must) + len(seen) + len(picture) + len(stopping_distance) <= height:
+        spare = height - len(must) - len(seen) - len(picture) - len(stopping_distance)
         gaps = [[BLANK] if spare > n else [] for n in range(2)]
-        return [*must, *gaps[0], *picture, *gaps[1], *run_on, *seen]
-    if len(must) + len(seen) + len(run_on) <= height:
-        return [*must, *run_on, *seen]
+        return [*must, *gaps[0], *picture, *gaps[1], *stopping_distance, *seen]
+    if len(must) + len(seen) + len(stopping_distance) <= height:
+        return [*must, *stopping_distance, *seen]
     return clipped([*must, *seen], height, text("panel.more"))
 
 
@@ -110,7 +110,7 @@ def _directions(text: Catalogue, jog: JogView) -> list[Line]:
 
 def _overrun_line(text: Catalogue, jog: JogView) -> Line:
     tool, carriage, spindle = (
-        _rounded_up(overrun(jog.machine, axis, jog.steps.of(axis)), decimals)
+        _rounded_up(stopping_distance(jog.machine, axis, jog.steps.of(axis)), decimals)
         for axis, decimals in ((AxisName.TOOL, 3), (AxisName.CARRIAGE, 3), (AxisName.SPINDLE, 2))
     )
     return (dim(text("align_page.overrun", tool=tool, carriage=carriage, spindle=spindle)),)
@@ -134,7 +134,7 @@ def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     return [line(mark, " " + jaw_words(text, seen, jog.machine)), line(mark, " " + gap_words(text, seen))]
 
 
-def jaw_words(text: Catalogue, seen: ShopView, machine: MachineProfile) -> str:
+def jaw_words(text: Catalogue, seen: WorkshopView, machine: MachineProfile) -> str:
     """Return where jaw 1 stands to the mark. A spindle goes to whole counts: within half a count it is there."""
     past = seen.jaw_1_past_mark_deg
     if abs(past) < 180.0 / machine.spindle.counts_per_rev + _SEEN_TO_DEG / 2.0:
@@ -144,7 +144,7 @@ def jaw_words(text: Catalogue, seen: ShopView, machine: MachineProfile) -> str:
     return text("align_page.before_mark", angle=f"{-past:.2f}°")
 
 
-def gap_words(text: Catalogue, seen: ShopView) -> str:
+def gap_words(text: Catalogue, seen: WorkshopView) -> str:
     """Return how far the tool tip is from the part."""
     gap = seen.tool_gap_mm
     if gap is None:

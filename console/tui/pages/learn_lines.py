@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.learning.lessons import LeftWave, Taught
-from console.session.learning.part_lesson import PartLesson
+from console.session.learning.learning_steps import LeftWave, Taught
+from console.session.learning.part_learning import PartLearning
 from console.session.stages import Stage
 from console.session.station.state import Armed
 from console.session.work import Work
@@ -17,14 +17,14 @@ from profiles.compensations.path import expected
 _MARK = ("! ", Token.WARNING)
 
 
-def learn_title(lesson: PartLesson, text: Catalogue) -> str:
+def learn_title(lesson: PartLearning, text: Catalogue) -> str:
     """Return the title: how the part was cut."""
     made = lesson.made
     return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
 
 
 def learn_lines(
-    lesson: PartLesson, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
+    lesson: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
 ) -> list[Line]:
     """Return what the part teaches, or why nothing: each wave, gain, convergence, and what the next cut uses.
 
@@ -46,14 +46,14 @@ def learn_lines(
     return lines
 
 
-def reason_lines(lesson: PartLesson, text: Catalogue, width: int) -> list[Line]:
+def reason_lines(lesson: PartLearning, text: Catalogue, width: int) -> list[Line]:
     """Return why the part teaches nothing, and what helps."""
     return [
         row for problem in lesson.reasons for row in hanging(_MARK, text.problem(problem), width, Token.WARNING)
     ]
 
 
-def is_kept(lesson: PartLesson | None, work: Work | None) -> bool:
+def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
     """Whether the next cut uses what this part teaches."""
     used = None if work is None else work.compensation
     if lesson is None or lesson.taught is None or used is None:
@@ -63,7 +63,7 @@ def is_kept(lesson: PartLesson | None, work: Work | None) -> bool:
 
 def in_scatter(taught: Taught) -> bool:
     """Whether the lobe that is wrong is smaller than what clamping and gauge scatter."""
-    lobe = taught.lesson.next.path.wanted.lobes
+    lobe = taught.lesson.next.path.target.lobes
     wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.waves if each.waves == lobe]
     return max(wrong, default=0.0) < taught.lesson.expected_half_width_um_pp
 
@@ -90,7 +90,7 @@ def armed_words(text: Catalogue, armed: Armed) -> str:
 
 def _half_words(taught: Taught, text: Catalogue) -> str:
     part = taught.lesson.next.part
-    whole_um_pp = 0.0 if part is None else 2.0 * part.wanted.amplitude_um / taught.stage.share
+    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.share
     left = expected(whole_um_pp, taught.stage.share)
     return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
 
@@ -99,7 +99,7 @@ def _wave_words(taught: Taught, text: Catalogue) -> str:
     if taught.lesson.reasons:  # nothing is promised of a next part that will not be cut with it
         left = " · ".join(f"{each.waves}/rev {each.left_um_pp:.2f}" for each in taught.waves)
         return text("inspect_page.left", waves=left)
-    lobe = taught.lesson.next.path.wanted.lobes
+    lobe = taught.lesson.next.path.target.lobes
     scatter = f" ± {taught.lesson.expected_half_width_um_pp:.2f}"
     words = [_wave(each, scatter if each.waves == lobe else "", text) for each in taught.waves]
     return text("inspect_page.left", waves=" · ".join(words))

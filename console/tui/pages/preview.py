@@ -17,7 +17,6 @@ from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import Catalogue
-from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, wrapped
 from console.tui.page import Page
@@ -41,6 +40,7 @@ from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.scale import nice_limits
 from console.tui.plot.trace_view import Series, TraceView
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.preview import Underway
@@ -79,7 +79,7 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
 
 def path_series(seen: Underway, strategy: Strategy) -> list[Series]:
     """Return the path that is wanted of the tool tip, and the command of this strategy, um of infeed."""
-    series = [Series(x=_TURN_DEG, y=seen.wanted.at_um(_TURN_DEG), token=Token.WANTED)]
+    series = [Series(x=_TURN_DEG, y=seen.target.at_um(_TURN_DEG), token=Token.WANTED)]
     made = foreseen(seen, strategy)
     if made is not None:
         series.append(Series(x=made.angle_deg, y=made.command_um, token=Token.COMMAND, dashed=True))
@@ -118,7 +118,7 @@ class PreviewPage(Page):
     PreviewPage.-bare #preview-strategy, PreviewPage.-bare #preview-margins { height: 1fr; }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         text, palette = desk.text, desk.palette
         self._polar = PolarView(palette=palette, id="preview-polar")
@@ -181,7 +181,7 @@ class PreviewPage(Page):
         elif action in ("preview.up", "preview.down") and self._reading:
             self._program.scroll_pages(_SCROLL_PAGES if action == "preview.down" else -_SCROLL_PAGES)
 
-    def _choose(self, step: Callable[[Desk], None]) -> None:
+    def _choose(self, step: Callable[[UiContext], None]) -> None:
         """Step through what can be chosen, or say why not."""
         try:
             step(self.desk)
@@ -264,12 +264,12 @@ class PreviewPage(Page):
         """The rooms of the texts; a class that was set changes them some time after the resize."""
         return tuple(sheet.size for sheet in (self._caption, self._strategy, self._margins, self._message))
 
-    def _see(self, wanted: Horizontal | Sheet) -> None:
+    def _see(self, target: Horizontal | Sheet) -> None:
         """Show one of the three, which needs a layout before it knows its size."""
-        if wanted.display:
+        if target.display:
             return
         for each in (self._charts, self._program, self._message):
-            each.display = each is wanted
+            each.display = each is target
         if self.is_attached:
             self.call_after_refresh(self._paint)
 
@@ -301,7 +301,7 @@ class PreviewPage(Page):
         self._margins.show(margin_lines(margins(seen, strategy), text, needs.width, needs.height, window))
 
 
-def _step_strategy(desk: Desk) -> None:
+def _step_strategy(desk: UiContext) -> None:
     """Take the next strategy. What was learned with another one stays chosen, and does not hold; that is said."""
     work = desk.work
     if work is not None:
@@ -310,7 +310,7 @@ def _step_strategy(desk: Desk) -> None:
         say_what_does_not_hold(desk)
 
 
-_CHOICES: dict[str, Callable[[Desk], None]] = {
+_CHOICES: dict[str, Callable[[UiContext], None]] = {
     "preview.strategy": _step_strategy,
     "preview.learned": step_compensation,
     "preview.stage": step_stage,

@@ -142,8 +142,12 @@ def _longest_first(words: tuple[str, ...]) -> re.Pattern[str]:
     return re.compile("|".join(re.escape(word) for word in sorted(words, key=len, reverse=True)))
 
 
+@lru_cache(maxsize=1024)
 def _condense(text: str) -> tuple[str, list[int], list[int]]:
-    """Return the line without white space and comment, the columns, and the places where a gap was."""
+    """Return the line without white space and comment, the columns, and the places where a gap was.
+
+    A host that looks at its machine sends the same few lines many times a second.
+    """
     kept: list[str] = []
     columns: list[int] = []
     gaps: list[int] = []

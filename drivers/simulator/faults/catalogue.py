@@ -16,7 +16,7 @@ class Concerns(StrEnum):
 
     HOSTS = "every host"
     MOTOR = "a motor"
-    CARD = "the card"
+    CARD = "the controller"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,16 +61,19 @@ FOR = Parameter(
     above_least=True,
     most=86_400.0,
 )
-SEED = Parameter(
-    name="seed", meaning="what its chance is drawn from", default=0.0, least=0.0, most=1e9, whole=True
-)
+SEED = Parameter(name="seed", meaning="seed of its random numbers", default=0.0, least=0.0, most=1e9, whole=True)
 
 _SHARE = Parameter(
-    name="share", meaning="share of the replies that is hit", default=1.0, least=0.0, above_least=True, most=1.0
+    name="share",
+    meaning="fraction of the replies that is affected",
+    default=1.0,
+    least=0.0,
+    above_least=True,
+    most=1.0,
 )
 _REPLIES = Parameter(
     name="replies",
-    meaning="it is over after so many replies that it has hit; without it, there is no such end",
+    meaning="the fault is over after this many affected replies; without it, there is no such end",
     least=1.0,
     most=1e6,
     whole=True,
@@ -101,26 +104,28 @@ _LINES = (
     _on_line("dropped-ack", "The acknowledgement at the end of a reply is lost.", *_HIT),
     _on_line(
         "late-reply",
-        "A reply comes late, and what is behind it with it.",
+        "A reply comes late, and so does everything after it.",
         Parameter(name="delay_ms", meaning="how late", unit="ms", default=500.0, least=1.0, most=60_000.0),
         *_HIT,
     ),
-    _on_line("extra-line", "An empty line (CR) comes in front of a reply.", *_HIT),
-    _on_line("nul", "One NUL comes in place of a reply.", *_HIT),
+    _on_line("extra-line", "An empty line (CR) comes before a reply.", *_HIT),
+    _on_line("nul", "One NUL replaces a reply.", *_HIT),
     _on_line(
-        "wrong-checksum", "The checksums of a reply are wrong, each by one; only with I4 = 1 it has any.", *_HIT
+        "wrong-checksum",
+        "The checksums of a reply are wrong, each by one; a reply has some only with I4 = 1.",
+        *_HIT,
     ),
-    _on_line("bare-bel", "A BEL without a text comes in place of a reply.", *_HIT),
+    _on_line("bare-bel", "A BEL without a text replaces a reply.", *_HIT),
     _on_line(
         "garbled-line",
-        "The next line of a host with a certain text in it arrives with another in its place, once.",
-        Parameter(name="find", meaning="the text; its first place in the line is meant", default="1", text=True),
+        "The next line of a host that contains a certain text arrives with another text in its place, once.",
+        Parameter(name="find", meaning="the text; its first occurrence in the line", default="1", text=True),
         Parameter(name="replace", meaning="what arrives in its place", default="5", text=True),
     ),
-    _on_line("cut-cable", "Every connection is cut, and none can be made before it is over."),
+    _on_line("cut-cable", "Every connection is cut, and no new one can be made until the fault is over."),
     _on_line(
         "hang",
-        "The card neither reads nor answers while its motors go on. What came, stops too, it reads afterwards.",
+        "The controller neither reads nor answers; its motors continue. Afterwards it reads what came, stops too.",
     ),
     _on_line(
         "9600-baud",
@@ -132,8 +137,8 @@ _LINES = (
 )
 
 _MOTORS = (
-    _on_motor("encoder-loss", "The encoder counts no more: the loop sees its last reading.", _motor("tool")),
-    _on_motor("index-lost", "The home flag or index is never met.", _motor("spindle")),
+    _on_motor("encoder-loss", "The encoder stops counting: the loop sees its last reading.", _motor("tool")),
+    _on_motor("index-lost", "The home flag or index never comes.", _motor("spindle")),
     _on_motor("amplifier-fault", "The amplifier reports a fault.", _motor("tool")),
     _on_motor(
         "limit",
@@ -141,19 +146,19 @@ _MOTORS = (
         _motor("tool"),
         Parameter(
             name="direction",
-            meaning="the direction of travel that it bars",
+            meaning="the direction of travel that it blocks",
             default="positive",
             choices=("positive", "negative"),
         ),
     ),
     _on_motor(
         "following-error-trip",
-        "The iron is jammed until the following error has tripped the motor.",
+        "The slide is jammed until the following error has tripped the motor.",
         _motor("tool"),
     ),
     _on_motor(
         "spindle-ripple",
-        "The true speed of the spindle swings about its mean, which no servo takes out.",
+        "The true speed of the spindle varies about its mean; no servo removes that.",
         Parameter(
             name="ripple_percent",
             meaning="amplitude, of the mean speed",
@@ -163,14 +168,14 @@ _MOTORS = (
             above_least=True,
             most=50.0,
         ),
-        Parameter(name="per_turn", meaning="swings in a turn", default=2.0, least=1.0, most=100.0, whole=True),
+        Parameter(name="per_turn", meaning="periods in a turn", default=2.0, least=1.0, most=100.0, whole=True),
     ),
 )
 
 _CARD = (
     Fault(
         name="watchdog",
-        does="The watchdog trips: outputs off, not another word, until `power-cycle`.",
+        does="The watchdog trips: outputs off, no answer until `power-cycle`.",
         concerns=Concerns.CARD,
         moment=True,
     ),
@@ -186,8 +191,8 @@ _CARD = (
     ),
     Fault(
         name="stranger-writes",
-        does="Another host sends a line or a control character, reads what is answered, and goes."
-        " No other host hears of it.",
+        does="Another host sends a line or a control character, reads the answer, and disconnects."
+        " No other host sees it.",
         concerns=Concerns.CARD,
         parameters=(
             Parameter(

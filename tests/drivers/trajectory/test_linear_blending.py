@@ -83,9 +83,10 @@ def test_a_move_longer_than_the_register_is_done_in_its_greatest_time() -> None:
     assert timing(10, 0, 1e9).tm_ms == 8_388_607
 
 
-def test_ix16_stretches_the_move_time() -> None:
+@pytest.mark.parametrize("distance", [100_000, -100_000])
+def test_ix16_stretches_the_move_time(distance: float) -> None:
     limits = Limits(velocity=(32.0,), acceleration=(0.0,))
-    assert timing(10, 0, 1000, distance=100_000, limits=limits).tm_ms == 3125
+    assert timing(10, 0, 1000, distance=distance, limits=limits).tm_ms == 3125
 
 
 def test_factory_ix16_slows_the_paper_spindle_to_192_rpm() -> None:
@@ -102,6 +103,13 @@ def test_ix17_lengthens_the_acceleration_even_for_the_stop_that_may_follow() -> 
     pieces = trajectory([1000], 10, 0, 1000, limits)
     peak = max(abs(2 * p.cubics[0][2] + 6 * p.cubics[0][3] * t) for p in pieces for t in (0, p.duration_ms))
     assert peak == pytest.approx(0.01)
+
+
+def test_ix17_lengthens_the_acceleration_of_a_move_that_changes_no_speed() -> None:
+    """At 1 count/ms before and in the move: the stop that may follow takes 1 / 0.01 ms."""
+    limits = Limits(velocity=(0.0,), acceleration=(0.01,))
+    goes_on = LinearMove(distance=(1000.0,), ta_ms=10.0, ts_ms=0.0, tm_ms=1000.0)
+    assert effective_timing(goes_on, (1.0,), limits).ta_ms == pytest.approx(100.0)
 
 
 def test_single_triangle_move_of_the_manual() -> None:

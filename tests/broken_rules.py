@@ -1,0 +1,292 @@
+"""What `tests.mutations` breaks: rules, each with the text that carries it and the test that stands for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mutation:
+    """`old` stands once in `file`, `new` in its place breaks the `rule`, and `test` notices."""
+
+    rule: str
+    file: str
+    old: str
+    new: str
+    test: str
+
+
+STOP, STOPPING = "drivers/lathe/stop.py", "tests/drivers/test_stopping.py"
+INTERLOCKS = "console/session/cut/interlocks.py"
+_STOPPING: tuple[Mutation, ...] = (
+    Mutation(
+        rule="With hands in the machine every stop is control-K.",
+        file=STOP,
+        old="if kill or self.inside_guard or not self.loops_closed:",
+        new="if kill or not self.loops_closed:",
+        test=f"{STOPPING}::test_with_hands_in_the_machine_a_stop_opens_loops_that_are_said_to_be_closed",
+    ),
+    Mutation(
+        rule="Before the controller has said that every loop is closed a stop is control-K.",
+        file=STOP,
+        old="self.loops_closed = False\n        self.inside_guard = False",
+        new="self.loops_closed = True\n        self.inside_guard = False",
+        test=f"{STOPPING}::test_before_the_drives_were_seen_a_stop_opens_every_loop",
+    ),
+    Mutation(
+        rule="Behind a control-K every further stop is a control-K.",
+        file=STOP,
+        old="KILL_ALL if self.killed else ABORT_ALL",
+        new="KILL_ALL if kill else ABORT_ALL",
+        test=f"{STOPPING}::test_what_is_sent_for_each_state_of_the_drives",
+    ),
+    Mutation(
+        rule="A stop is released only when rest was proven behind the last one.",
+        file=STOP,
+        old="if proven != len(self._begun):",
+        new="if proven > len(self._begun):",
+        test="tests/drivers/test_recovery.py::test_a_stop_sent_again_asks_for_a_new_proof",
+    ),
+    Mutation(
+        rule="Rest is three looks in a row.",
+        file="drivers/lathe/standstill.py",
+        old="POLLS_AT_REST = 3",
+        new="POLLS_AT_REST = 0",
+        test="tests/drivers/test_recovery.py::test_a_stop_pressed_while_rest_is_proven_begins_the_proof_anew",
+    ),
+    Mutation(
+        rule="A machine is taken over only at rest.",
+        file="drivers/lathe/ownership.py",
+        old="if not at_rest:",
+        new="if at_rest is None:",
+        test="tests/drivers/test_ownership.py::test_a_take_over_needs_rest_and_is_seen_by_who_was_pushed_aside",
+    ),
+    Mutation(
+        rule="A console whose number was overwritten does not command any more.",
+        file="drivers/lathe/ownership.py",
+        old="self.standing = Standing.OUSTED",
+        new="self.standing = Standing.OWNER",
+        test="tests/drivers/test_ownership.py::test_a_take_over_needs_rest_and_is_seen_by_who_was_pushed_aside",
+    ),
+    Mutation(
+        rule="A cut begins with every axis at its start.",
+        file=INTERLOCKS,
+        old="START_BAND_COUNTS = 10.0",
+        new="START_BAND_COUNTS = 10_000.0",
+        test="tests/console/test_interlocks.py::test_an_axis_that_is_not_at_its_start_is_named_with_both_places",
+    ),
+    Mutation(
+        rule="A cut begins with zeros that were found.",
+        file=INTERLOCKS,
+        old='_yes_or_no("homed", snapshot.homed,',
+        new='_yes_or_no("homed", True,',
+        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
+    ),
+    Mutation(
+        rule="A cut begins with every loop closed.",
+        file=INTERLOCKS,
+        old='_yes_or_no("drives_on", snapshot.loops_closed,',
+        new='_yes_or_no("drives_on", True,',
+        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
+    ),
+    Mutation(
+        rule="A spindle that is set by hand has the speed of the job.",
+        file=INTERLOCKS,
+        old="SPEED_BAND = 0.02",
+        new="SPEED_BAND = 0.2",
+        test="tests/console/test_followed_spindle.py::test_a_spindle_at_another_speed_is_not_cut_on",
+    ),
+    Mutation(
+        rule="A device that the controller sees not well forbids motion.",
+        file="drivers/lathe/safety.py",
+        old="for device, good in inputs.items() if not good",
+        new="for device, good in inputs.items() if good is None",
+        test="tests/matrix/test_safety_devices.py::test_what_was_armed_is_not_started",
+    ),
+)
+
+LINEAR, PIECES = "drivers/pmac/trajectory/linear.py", "drivers/pmac/trajectory/pieces.py"
+BLENDING = "tests/drivers/trajectory/test_linear_blending.py"
+EXPRESSIONS = "tests/drivers/language/test_pmac_expressions.py"
+_TRAJECTORIES: tuple[Mutation, ...] = (
+    Mutation(
+        rule="Two S-curves longer than TA set the acceleration time.",
+        file=LINEAR,
+        old="ta_ms = max(move.ta_ms, 2.0 * move.ts_ms)",
+        new="ta_ms = max(move.ta_ms, move.ts_ms)",
+        test=f"{BLENDING}::test_two_s_curves_longer_than_ta_set_the_acceleration_time",
+    ),
+    Mutation(
+        rule="A move shorter than its acceleration takes the acceleration time.",
+        file=LINEAR,
+        old="tm_ms=max(tm_ms, ta_ms))  # rule 2",
+        new="tm_ms=tm_ms)  # rule 2",
+        test=f"{BLENDING}::test_a_move_shorter_than_its_acceleration_takes_the_acceleration_time",
+    ),
+    Mutation(
+        rule="A blend is cut to the room in the move before it.",
+        file=LINEAR,
+        old="ta_ms = min(ta_ms, 2.0 * blend.room_ms)",
+        new="ta_ms = min(ta_ms, 3.0 * blend.room_ms)",
+        test=f"{BLENDING}::test_a_long_blend_is_cut_to_the_room_in_the_move_before_it",
+    ),
+    Mutation(
+        rule="Ix16 stretches a move.",
+        file=LINEAR,
+        old="tm_ms = max(tm_ms, abs(distance) / limit)",
+        new="tm_ms = max(tm_ms, distance / limit)",
+        test=f"{BLENDING}::test_ix16_stretches_the_move_time",
+    ),
+    Mutation(
+        rule="Ix17 guards the stop that may follow a move.",
+        file=LINEAR,
+        old="change = max(abs(velocity - was), abs(velocity))",
+        new="change = abs(velocity - was)",
+        test=f"{BLENDING}::test_ix17_lengthens_the_acceleration_of_a_move_that_changes_no_speed",
+    ),
+    Mutation(
+        rule="A ramp with S-curves has the higher peak of acceleration.",
+        file=PIECES,
+        old="peak = [(b - a) / (ta_ms - ts_ms)",
+        new="peak = [(b - a) / ta_ms",
+        test=f"{BLENDING}::test_an_s_curve_blend_misses_its_corner_by_a_twelfth",
+    ),
+    Mutation(
+        rule="A PVT segment is the cubic through its places and its speeds.",
+        file=PIECES,
+        old="(3.0 * slope - 2.0 * v0 - v1) / duration_ms",
+        new="(3.0 * slope - v0 - 2.0 * v1) / duration_ms",
+        test="tests/drivers/trajectory/test_pvt_segments.py::test_the_manual_s_building_blocks",
+    ),
+    Mutation(
+        rule="A SPLINE2 weighs its distances by the times of their neighbours.",
+        file="drivers/pmac/trajectory/spline.py",
+        old="late = here_ms / (joint_ms * (joint_ms + next_ms))",
+        new="late = duration_ms / (joint_ms * (joint_ms + next_ms))",
+        test="tests/drivers/trajectory/test_spline_moves.py::test_spline2_is_the_non_uniform_cubic_b_spline",
+    ),
+    Mutation(
+        rule="INT rounds down, also below zero.",
+        file="drivers/pmac/language/arithmetic.py",
+        old='"INT": lambda value: float(math.floor(value))',
+        new='"INT": lambda value: float(math.trunc(value))',
+        test=f"{EXPRESSIONS}::test_the_examples_of_the_software_reference",
+    ),
+    Mutation(
+        rule="`!>` is also so of what is equal.",
+        file="drivers/pmac/language/evaluate.py",
+        old='"!>": lambda v: left(v) <= right(v)',
+        new='"!>": lambda v: left(v) < right(v)',
+        test=f"{EXPRESSIONS}::test_conditions",
+    ),
+    Mutation(
+        rule="Of words that begin alike the longest is meant.",
+        file="drivers/pmac/language/lexer.py",
+        old="sorted(words, key=len, reverse=True)",
+        new="sorted(words, key=len)",
+        test="tests/drivers/language/test_pmac_scanner.py::test_the_longest_word_wins",
+    ),
+    Mutation(
+        rule="A comment may hold any character.",
+        file="drivers/pmac/language/lexer.py",
+        old='if character == ";":',
+        new='if character == "|":',
+        test="tests/drivers/language/test_pmac_scanner.py::test_a_comment_may_hold_anything",
+    ),
+)
+
+PATH, SERVO, GRIP = "profiles/compensations/path.py", "profiles/axis/servo.py", "profiles/chucking/grip.py"
+COMPENSATION = "tests/profiles/test_compensation.py"
+_SCIENCE: tuple[Mutation, ...] = (
+    Mutation(
+        rule="The command comes earlier by the lag of the axis.",
+        file=PATH,
+        old="wave.crest_deg + math.degrees(cmath.phase(here)) / wave.lobes",
+        new="wave.crest_deg - math.degrees(cmath.phase(here)) / wave.lobes",
+        test=f"{COMPENSATION}::test_an_axis_undoes_its_inverse",
+    ),
+    Mutation(
+        rule="Eq 8: the tool goes deeper where the plain cut takes less.",
+        file=PATH,
+        old="a1_um=-a1_um, b1_um=-b1_um",
+        new="a1_um=a1_um, b1_um=b1_um",
+        test=f"{COMPENSATION}::test_eqs_10_and_11",
+    ),
+    Mutation(
+        rule="Eq 4: N jaws make N lobes in a turn.",
+        file=PATH,
+        old="return jaws * spindle_speed_rpm / 60",
+        new="return spindle_speed_rpm / 60",
+        test=f"{COMPENSATION}::test_eq_4",
+    ),
+    Mutation(
+        rule="The output of the sampled loop acts one period late.",
+        file=SERVO,
+        old="plant = _held_plant(machine, z, period_s) / z",
+        new="plant = _held_plant(machine, z, period_s)",
+        test="tests/profiles/test_servo.py::test_the_sampled_loop_is_its_difference_equation",
+    ),
+    Mutation(
+        rule="The derivative of the sampled loop is a backward difference.",
+        file=SERVO,
+        old="slope = (1 - 1 / z) / period_s",
+        new="slope = (z - 1) / period_s",
+        test="tests/profiles/test_servo.py::test_the_sampled_loop",
+    ),
+    Mutation(
+        rule="A sine costs R I^2 / 2.",
+        file=SERVO,
+        old="tool.coil_resistance_ohm / 2,",
+        new="tool.coil_resistance_ohm,",
+        test="tests/profiles/test_servo.py::test_what_a_sine_costs",
+    ),
+    Mutation(
+        rule="The lever of the overhang comes on top of what the cut turns and pushes.",
+        file=GRIP,
+        old="return slipping_n + lifting_n",
+        new="return max(slipping_n, lifting_n)",
+        test="tests/profiles/test_grip.py::test_the_grip_that_a_cut_needs_is_against_slipping_and_against_lifting_together",
+    ),
+    Mutation(
+        rule="The jaws lose force with the square of the speed.",
+        file=GRIP,
+        old="mass_radius_kg_m * (math.pi * spindle_speed_rpm / 30) ** 2",
+        new="mass_radius_kg_m * (math.pi * spindle_speed_rpm / 30)",
+        test="tests/profiles/test_grip.py::test_centrifugal_force",
+    ),
+    Mutation(
+        rule="Eq 2: a lobe lags by the phase of mass, damping and spring.",
+        file="profiles/chucking/reaction.py",
+        old="math.hypot(spring, dash), math.atan2(dash, spring)\n    even_n",
+        new="math.hypot(spring, dash), math.atan2(spring, dash)\n    even_n",
+        test="tests/profiles/test_reaction.py::test_integrating_eq_2_in_time_stays_on_the_steady_state",
+    ),
+    Mutation(
+        rule="A ring under N jaws bends by N / (pi (n^2 - 1)^2) in its harmonics.",
+        file="profiles/chucking/ring.py",
+        old="math.pi * (harmonic**2 - 1) ** 2",
+        new="math.pi * harmonic**4",
+        test="tests/profiles/test_ring.py::test_the_series_is_the_closed_form",
+    ),
+    Mutation(
+        rule="The filter lets half of its cut-off through.",
+        file="profiles/metrology/filters.py",
+        old="_ALPHA = math.sqrt(math.log(2) / math.pi)",
+        new="_ALPHA = math.sqrt(math.log(2)) / math.pi",
+        test="tests/profiles/test_roundness.py::test_the_filter",
+    ),
+    Mutation(
+        rule="A V-block adds where the lobes are odd and takes where they are even.",
+        file="profiles/metrology/v_block.py",
+        old="sign = -1.0 if lobes % 2 else 1.0",
+        new="sign = 1.0 if lobes % 2 else -1.0",
+        test="tests/profiles/test_v_block_and_turns.py::test_factors",
+    ),
+)
+
+GROUPS: Mapping[str, tuple[Mutation, ...]] = {
+    "Stop path and interlocks": _STOPPING,
+    "Trajectories and language": _TRAJECTORIES,
+    "Science": _SCIENCE,
+}
