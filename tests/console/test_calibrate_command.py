@@ -74,7 +74,7 @@ def test_what_is_kept_is_added_and_shown_beside_the_next(
     ("text", "words"),
     [
         ("torque_n_m,force_n\n1,-2\n", ("t.csv:2", "force_n", "-2")),
-        ("torque_n_m,force_n\n1,2\n", ("t.csv", "1 measurements", ">= 4")),
+        ("torque_n_m,force_n\n1,2\n", ("t.csv", "measurements: 1", ">= 4")),
         ("chucking_force_n,load_n,angle_deg,diameter_mm,overhang_mm,deflection_um\n", ("youngs_modulus_gpa",)),
     ],
 )

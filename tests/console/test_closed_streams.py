@@ -71,7 +71,7 @@ sys.exit(main(["jobs"]))
     )
     assert done.returncode == 1
     assert done.stdout == ""
-    assert done.stderr == "console: ended by SIGINT; this command was moving nothing\n"
+    assert done.stderr == "console: ended by SIGINT; this command was not moving anything\n"
 
 
 def test_the_entry_point_imports_nothing_of_the_project() -> None:

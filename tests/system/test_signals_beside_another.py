@@ -115,7 +115,7 @@ def test_a_run_that_ends_before_it_has_the_machine_stops_nobody(
         err = ended(card, process, number)
         assert STOPS.search(heard(card)) is None, err
         assert is_another_s_and_turns(card)
-        assert f"ended by {number.name}; this command was moving nothing" in err
+        assert f"ended by {number.name}; this command was not moving anything" in err
 
 
 def test_a_run_that_is_refused_stops_nobody_either(lathe: SimulatedLathe, made: Order) -> None:

@@ -76,7 +76,7 @@ def english_beginnings() -> frozenset[str]:
         for piece, *_ in string.Formatter().parse(english):
             words = piece.strip()
             head = words[: LONG_LETTERS + 1]
-            if sum(letter.isalpha() for letter in words) > LONG_LETTERS and head not in entries("ko")[key]:
+            if sum(letter.isalpha() for letter in words) > LONG_LETTERS and head not in entries("ko").get(key, ""):
                 found.add(head)
     return frozenset(found)
 
