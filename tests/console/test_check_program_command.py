@@ -57,12 +57,12 @@ def test_the_papers_program_is_explained_in_plain_sentences(console: Console, me
     for words in (
         "a zig-zag of 55 um, 10 ms each way, 50 Hz",
         "an acceleration time of 20 ms",
-        "TM 10 became 20 ms",
-        "the zig-zag went at 25 Hz in place of 50, and the spindle at 500 rpm in place of 1000",
-        "of 55 um only 36.67 were made (66.7 %)",
+        "TM 10 becomes 20 ms",
+        "The zig-zag therefore runs at 25 Hz instead of 50, and the spindle at 500 rpm instead of 1000",
+        "of 55 um only 36.67 is travelled (66.7 %)",
         "leaves 18.3 of 55 um",
         "27.8 of 55 um (51 %)",
-        "2 mm towards the part",
+        "2 mm toward the part",
         "nothing in the program ends this loop",
     ):
         assert words in text
@@ -156,7 +156,7 @@ def test_what_console_program_prints_has_no_fault(
 ) -> None:
     said = console("check-program", program(console("program", job, "--strategy", strategy).out))
     assert said.code == 0
-    assert re.search(r"^Starts at X\d+ Y[\d.]+ Z169300, as line 1 says\.", said.out, re.MULTILINE)
+    assert re.search(r"^Starts at X\d+ Y[\d.]+ Z169300, as line 1 states\.", said.out, re.MULTILINE)
     assert "✗" not in said.out
     assert "deeper than it started" not in said.out
 
@@ -168,9 +168,9 @@ def test_the_printed_program_is_the_same_in_json(console: Console) -> None:
 
 def test_the_start_is_told_and_may_be_given(console: Console, program: Callable[[str], str]) -> None:
     path = program("; starts at X7\n" + CLEAN.replace("INC", "ABS"))
-    assert "Starts at X7 Y0 Z0, as line 1 says." in console("check-program", path).out
+    assert "Starts at X7 Y0 Z0, as line 1 states." in console("check-program", path).out
     said = console("check-program", path, "--from", "X=1000,Y=-5")
-    assert "Starts at X1000 Y-5 Z0, as --from says." in said.out
+    assert "Starts at X1000 Y-5 Z0, as given with --from." in said.out
     result = console("check-program", path, "--from", "X=1000,Y=-5", "--json").json
     assert result["start"] == {"source": "operator", "positions": {"X": 1000, "Y": -5, "Z": 0}}
     assert result["moves"][0]["motors"][0]["commanded_counts"] == 0
@@ -180,9 +180,9 @@ def test_the_start_is_told_and_may_be_given(console: Console, program: Callable[
 @pytest.mark.parametrize(
     ("start", "code", "words"),
     [
-        ("X", 2, "--from: 'X' is no position; write each axis once with a number"),
-        ("X=1,X=2", 2, "--from: 'X=2' is no position"),
-        ("X=1e5", 2, "--from: 'X=1e5' is no position"),
+        ("X", 2, "--from: 'X' is not a position; give each axis once with a number"),
+        ("X=1,X=2", 2, "--from: 'X=2' is not a position"),
+        ("X=1e5", 2, "--from: 'X=1e5' is not a position"),
         ("U=5", 1, "no motor drives the axis U of the start position; axes here: X, Y, Z"),
         ("X=99999999999", 1, "the program cannot start with motor #1 at 99999999999 counts"),
     ],
@@ -253,7 +253,7 @@ def test_numbers_have_no_exponent(value: float, spec: str, shown: str) -> None:
 
 def test_a_lobe_that_drifts_is_told(console: Console, meant: Path) -> None:
     meant.write_text(meant.read_text("utf-8").replace("10000/6", "1666"), encoding="utf-8")
-    assert "drift by -0.144 deg a turn (-4 counts); after 138.9 turns" in " ".join(
+    assert "drift by -0.144 deg per turn (-4 counts); after 138.9 turns" in " ".join(
         console("check-program", str(meant)).out.split()
     )
 

@@ -107,7 +107,7 @@ def test_json_has_the_same_unrounded_with_what_it_holds_for(console: Console, da
         (("--amplitude", "60"), "60 um"),
         (("--amplitude", "2"), "2 um"),
         (("--frequencies", "10,300"), "300 Hz"),
-        (("--periods", "3"), "3 periods"),
+        (("--periods", "3"), "periods: 3"),
         (("--amplitude", "50", "--frequencies", "215"), "I117"),
     ],
 )

@@ -92,7 +92,7 @@ def test_the_second_part_is_rounder_and_one_can_go_back(
         (3, 0, 1, True),
     ]
     assert known[2]["path"] == known[0]["path"]
-    assert "is 1" in console("learn", *of_job, "--list", "--sim").out
+    assert "repeats 1" in console("learn", *of_job, "--list", "--sim").out
     files = sorted((data_folder / "trilobe" / "learned" / "simulated").rglob("*.json"))
     assert [json.loads(file.read_text())["version"] for file in files] == [1, 2, 3]
 

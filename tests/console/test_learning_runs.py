@@ -81,5 +81,5 @@ def test_learning_needs_a_table_and_a_gauge(console: Console) -> None:
     there = ("--machine", "lee-2001-lathe", "--link", "sim:", "--strategy", "cam", "--learn", "3", "--yes")
     said = console("run", "lee-2001-experiment-1", *there)
     assert said.code != 0
-    assert "measures" in said.err
+    assert "not measured" in said.err
     assert console("run", "lee-2001-experiment-1", "--sim", "--strategy", "cam", "--learn", "0").code == 2

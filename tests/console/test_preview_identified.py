@@ -199,4 +199,4 @@ def test_a_response_of_another_path_or_band_is_refused(console: Console, tmp_pat
     assert (refused.code, "identified with strategy pvt, here it is none" in refused.err) == (1, True)
     away = str(file_of(tmp_path, "pvt", 10.0, 20.0, 30.0))
     refused = console("preview", EXPERIMENT, "--identified", away)
-    assert (refused.code, "50 Hz was not identified (from 10 … 30 Hz)" in refused.err) == (1, True)
+    assert (refused.code, "50 Hz was not identified (identified: 10 … 30 Hz)" in refused.err) == (1, True)

@@ -220,10 +220,10 @@ def test_readings_over_a_v_block(console: Console, tmp_path: Path) -> None:
 def test_a_band_and_a_robust_fit(console: Console, tmp_path: Path) -> None:
     path = lobed(tmp_path, "# filter_upr: 150")
     said = console("roundness", str(path), "--band", "2:15")
-    assert "filter 2 - 15 UPR" in said.out and "before, at 150 UPR" in said.out
+    assert "filter 2 - 15 UPR" in said.out and "already filtered it, at 150 UPR" in said.out
     listed = console("roundness", str(path), "--band", "2:15", "--json").json
     assert (listed["filter_upr"], listed["above_upr"], listed["filter_applied_upr"]) == (15, 2, 150)
     path.write_text(path.read_text().replace("\n100,-", "\n100,-9"))
-    assert "left out: 1" in console("roundness", str(path), "--robust").out
+    assert "excluded: 1" in console("roundness", str(path), "--robust").out
     assert console("roundness", str(path), "--band", "15:2").code == 2
     assert console("roundness", str(path), "--band", "2:15", "--filter", "15").code == 2

@@ -157,7 +157,7 @@ def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, take: 
     with pytest.raises(SessionError) as lost:
         record.add("step", {})
     assert codes(lost) == ["record.lost"]
-    assert "taken away" in load("en").problem(lost.value.problems[0])
+    assert "removed or replaced" in load("en").problem(lost.value.problems[0])
     record.close()
 
 
