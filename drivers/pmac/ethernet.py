@@ -75,7 +75,7 @@ class MalformedRequestError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """One request. `length` is wLength: of the data, or else of the reply that is wanted."""
+    """One request. `length` is wLength: of the data, or else of the reply that is reply_length."""
 
     direction: Direction
     code: RequestCode
@@ -89,7 +89,7 @@ class Request:
         return _HEADER.pack(self.direction, self.code, self.value, self.index, self.length) + self.data
 
     @property
-    def target(self) -> int:
+    def reply_length(self) -> int:
         """Bytes that the reply may have. Some clients leave the field at 0, or ask for more than there can be."""
         return self.length if 0 < self.length < REPLY_LIMIT else REPLY_LIMIT
 
