@@ -43,7 +43,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.settings import settings_with
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.shop_floor import SECTIONS, ShopFloor
+from drivers.simulator.plant.workshop import SECTIONS, SimulatedWorkshop
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
@@ -79,7 +79,7 @@ UNDONE_UNTIL = 0.55
 GOOD = "called good"
 
 
-class Witness(ShopFloor):
+class Witness(SimulatedWorkshop):
     """What the tool really did to the part: how deep, place by place along it, and how far."""
 
     deepest_mm: dict[int, float]

@@ -43,7 +43,7 @@ FRAME_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Looks:
+class Poller:
     """First looks at the page after a key: processor time of the screen's thread, and time by the clock, s."""
 
     cpu_s: list[float] = field(default_factory=list)
@@ -80,7 +80,7 @@ def calculated() -> dict[str, list[float]]:
     return times_s
 
 
-async def first_look(app: ConsoleApp, pilot: Pilot[None], rpm: int, looks: Looks) -> None:
+async def first_look(app: ConsoleApp, pilot: Pilot[None], rpm: int, looks: Poller) -> None:
     """Change the speed of the job, and draw what the page then says of it.
 
     Raises:
@@ -97,9 +97,9 @@ async def first_look(app: ConsoleApp, pilot: Pilot[None], rpm: int, looks: Looks
     await pilot.pause()
 
 
-async def shown(size: tuple[int, int], *, busy: bool) -> Looks:
+async def shown(size: tuple[int, int], *, busy: bool) -> Poller:
     """Return first looks; `busy`, while the other thread is at a program of the job before."""
-    looks, wasted = Looks(), Looks()
+    looks, wasted = Poller(), Poller()
     with tempfile.TemporaryDirectory() as folder:
         app, _ = application(Scene(page=PageName.PREVIEW, state=state_of(Activity.READY)), Path(folder))
         async with app.run_test(size=size) as pilot:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.measure import extent, print_table
-from console.session.station.intents import Start
+from console.session.station.commands import Start
 from console.session.station.progress import CutStage
 from console.session.station.state import StationState
 from drivers.lathe.snapshot import Snapshot

@@ -23,7 +23,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
 from textual_plotext import PlotextPlot
 
-from console.session.station.intents import Intent
+from console.session.station.commands import Command
 from console.session.station.progress import CutProgress
 from console.session.station.state import StationState
 from console.session.work import opened
@@ -98,7 +98,7 @@ class Replay:
             self.cpu_s = time.process_time() - cpu_s
             self._leave()
 
-    def post(self, intent: Intent) -> bool:
+    def post(self, intent: Command) -> bool:
         """Take no order."""
         return False
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from benchmarks.command_rate import running
 from benchmarks.measure import extent, print_table
 from benchmarks.run_page import CUT_MM, FRAMES, moments_of_a_cut
-from benchmarks.stop_latency_line import CHARACTER_BITS, Card, Desk, Stopped, bench, card_of
+from benchmarks.stop_latency_line import CHARACTER_BITS, Card, Stopped, UiContext, bench, card_of
 
 STOPS = extent(300, 2)
 AIM_S = 0.020
@@ -93,7 +93,7 @@ def measured(situation: Situation, card: Card, moments: Path, stops: int) -> lis
         )
         stack.callback(process.wait)
         stack.callback(process.kill)
-        desk: Desk = at.desk
+        desk: UiContext = at.desk
         desk.wait_until_ready()
         desk.stalled = situation.screen == "stalled"
         return desk.stops(stops)

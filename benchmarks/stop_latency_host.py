@@ -19,7 +19,7 @@ from datetime import datetime
 from itertools import count
 from pathlib import Path
 
-from console.session.station.intents import Intent
+from console.session.station.commands import Command
 from console.session.station.state import StationState
 from console.session.work import opened
 from console.text.catalogue import load
@@ -62,7 +62,7 @@ class Endless:
         """Return the time of the moment that is shown."""
         return self.state.at_s
 
-    def post(self, intent: Intent) -> bool:
+    def post(self, intent: Command) -> bool:
         """Take no order."""
         return False
 

@@ -101,7 +101,7 @@ class Way:
 
 
 @dataclass(kw_only=True)
-class Desk:
+class UiContext:
     """Operator, terminal and line. `stop` is how a stop looks on the line; `calls` tells when it was called."""
 
     terminal: int
@@ -181,7 +181,7 @@ class Bench:
     address: str
     pipe: int
     terminal: int
-    desk: Desk
+    desk: UiContext
 
 
 def bench(stack: ExitStack, link: str, baud: int, byte_s: float, card: Card) -> Bench:
@@ -200,7 +200,7 @@ def bench(stack: ExitStack, link: str, baud: int, byte_s: float, card: Card) -> 
     else:
         listening = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         near, address = -1, f"{link}:127.0.0.1:{listening.getsockname()[1]}"
-    desk = Desk(
+    desk = UiContext(
         terminal=screen,
         calls=calls,
         there=Way(source=near, sink=far.fileno(), byte_s=byte_s),

@@ -23,15 +23,15 @@ _STOPPING: tuple[Mutation, ...] = (
     Mutation(
         rule="With hands in the machine every stop is control-K.",
         file=STOP,
-        old="if kill or self.hands_in or not self.loops_closed:",
+        old="if kill or self.inside_guard or not self.loops_closed:",
         new="if kill or not self.loops_closed:",
         test=f"{STOPPING}::test_with_hands_in_the_machine_a_stop_opens_loops_that_are_said_to_be_closed",
     ),
     Mutation(
         rule="Before the controller has said that every loop is closed a stop is control-K.",
         file=STOP,
-        old="self.loops_closed = False\n        self.hands_in = False",
-        new="self.loops_closed = True\n        self.hands_in = False",
+        old="self.loops_closed = False\n        self.inside_guard = False",
+        new="self.loops_closed = True\n        self.inside_guard = False",
         test=f"{STOPPING}::test_before_the_drives_were_seen_a_stop_opens_every_loop",
     ),
     Mutation(
@@ -51,8 +51,8 @@ _STOPPING: tuple[Mutation, ...] = (
     Mutation(
         rule="Rest is three looks in a row.",
         file="drivers/lathe/standstill.py",
-        old="LOOKS_AT_REST = 3",
-        new="LOOKS_AT_REST = 0",
+        old="POLLS_AT_REST = 3",
+        new="POLLS_AT_REST = 0",
         test="tests/drivers/test_recovery.py::test_a_stop_pressed_while_rest_is_proven_begins_the_proof_anew",
     ),
     Mutation(

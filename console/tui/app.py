@@ -18,7 +18,6 @@ from textual.driver import Driver
 from console.session.station.control import Control
 from console.session.station.state import Activity
 from console.text.catalogue import Catalogue
-from console.tui.desk import Desk, View
 from console.tui.driver import StopSent, TooFast, Written
 from console.tui.frame import ROWS, Frame, frame_rows, small_rows
 from console.tui.gate import PASTED, FieldKind, HeldKeys, Situation, Verdict, is_page, is_stray, judge, stop_reason
@@ -30,6 +29,7 @@ from console.tui.previewing import ChosenPath, Previewer
 from console.tui.scrolled import ScrolledSheet
 from console.tui.standing_orders import StandingOrders
 from console.tui.theme import COLOUR, DARK_THEME, MONO_THEME, Palette
+from console.tui.ui_context import UiContext, View
 from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
@@ -91,7 +91,7 @@ class ConsoleApp(App[None]):
             self.register_theme(theme)
         self.theme = (DARK_THEME if palette is COLOUR else MONO_THEME).name
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self.desk = Desk(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
+        self.desk = UiContext(text=text, palette=palette, control=control, machine=machine, data=data, go=self.go)
         self._begin = begin
         self._ui_loop: asyncio.AbstractEventLoop | None = None
         self._leaving = False
@@ -373,7 +373,7 @@ class ConsoleApp(App[None]):
         elif action.id == "acknowledge":
             self._orders.acknowledge(all_of_them=self._listed == MESSAGES)
         elif action.id == "take_over":
-            self._orders.take_over()
+            self._orders.take_control()
         else:
             self._show_list(0)
             self._acted_s = self.desk.control.now_s()

@@ -6,10 +6,10 @@ from typing import ClassVar
 
 from textual.containers import Container
 
-from console.tui.desk import Desk, View
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line
+from console.tui.ui_context import UiContext, View
 
 
 class Page(Container):
@@ -17,7 +17,7 @@ class Page(Container):
 
     name_: ClassVar[PageName]
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(id=f"page-{self.name_}", classes="page")
         self.desk = desk
 

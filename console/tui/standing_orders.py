@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.tui.desk import Desk
+from console.tui.ui_context import UiContext
 from profiles.problem import Problem
 
 TAKE_OVER_WITHIN_S = 5.0
@@ -12,21 +12,21 @@ TAKE_OVER_WITHIN_S = 5.0
 class StandingOrders:
     """What may be ordered from any page. Intents are loaded when one is: not for the first paint."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         self._desk = desk
         self._asked_over_s = float("-inf")
 
     def recover(self) -> None:
         """Recover, where there was a stop or the machine was lost."""
-        from console.session.station.intents import Recover
+        from console.session.station.commands import Recover
 
         state = self._desk.control.state
         if state.stop is not None or (state.snapshot is not None and state.snapshot.lost):
             self._desk.control.post(Recover())
 
-    def take_over(self) -> None:
+    def take_control(self) -> None:
         """Take control from another console; asked for twice, because somebody works there."""
-        from console.session.station.intents import TakeOver
+        from console.session.station.commands import TakeControl
 
         desk = self._desk
         if desk.control.state.controls:
@@ -37,12 +37,12 @@ class StandingOrders:
             desk.said = (Problem(code=code, limit=f"{TAKE_OVER_WITHIN_S:g} s"),)
         else:
             self._asked_over_s = float("-inf")
-            desk.control.post(TakeOver())
+            desk.control.post(TakeControl())
 
     def acknowledge(self, *, all_of_them: bool) -> None:
         """The operator has seen what is shown: the alarm in the row, or all of them in the list of messages."""
         from console.session.station.alarms import foremost
-        from console.session.station.intents import Acknowledge
+        from console.session.station.commands import Acknowledge
 
         alarms = self._desk.control.state.alarms
         front = foremost(alarms)

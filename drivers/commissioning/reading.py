@@ -10,7 +10,7 @@ from drivers.commissioning.configuration import AxisEntry, Configuration, TableE
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.dialect import Dialect, Scope
-from drivers.pmac.foreseen import number_of
+from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.reading import HIGHEST_PLC
 from drivers.pmac.status import decode

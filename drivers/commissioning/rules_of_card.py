@@ -28,7 +28,7 @@ def card_rules(judged: Judged) -> list[Check]:
         _family(judged),
         *_clocks(judged),
         *_permissions(judged),
-        _strange_motors(judged),
+        _unexpected_motors(judged),
         *_axes(judged),
         *_system(judged),
         *_conversion(judged),
@@ -76,7 +76,7 @@ def _permissions(judged: Judged) -> Iterator[Check]:
     yield judged.told("segments", Severity.REFUSAL if segmented else Severity.OK, index, wanted="0 ms")
 
 
-def _strange_motors(judged: Judged) -> Check:
+def _unexpected_motors(judged: Judged) -> Check:
     ours = {axis.motor for axis in judged.axes}
     others = [motor for motor in judged.dialect.numbers(Scope.MOTOR) if motor not in ours]
     names = [

@@ -30,7 +30,7 @@ def differences(
     return [
         *_settings(client, wanted, dialect),
         *_definitions(client, wanted),
-        *_strange_motors(client, dialect, frozenset(motors)),
+        *_unexpected_motors(client, dialect, frozenset(motors)),
     ]
 
 
@@ -53,7 +53,7 @@ def _differs(key: str, value: str, limit: str) -> Problem:
     return Problem(code="controller.setting", key=key, value=value, limit=limit)
 
 
-def _strange_motors(client: Controller, dialect: Dialect, ours: frozenset[int]) -> Iterator[Problem]:
+def _unexpected_motors(client: Controller, dialect: Dialect, ours: frozenset[int]) -> Iterator[Problem]:
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in ours]
     for index, value in read_settings(client, others).items():
         if value != 0.0:

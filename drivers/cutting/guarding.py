@@ -83,13 +83,13 @@ class CutLength:
 class ProgramEnd:
     """What the program of a cut says of its end, read when it runs no more.
 
-    `turns` are those of the cut, `finished` whether it came to its last line, `hold_asked` whether its flag was
+    `turns` are those of the cut, `finished` whether it came to its last line, `end_asked` whether its flag was
     set, `stopped_by` the number of the console that says that it has stopped the machine, 0 none.
     """
 
     turns: float
     finished: bool
-    hold_asked: bool = False
+    end_asked: bool = False
     stopped_by: int = 0
 
 
@@ -116,7 +116,7 @@ def _reason(end: ProgramEnd, length: CutLength, *, held: bool) -> Iterator[Probl
         yield Problem(code="cut.stopped_by_console", value=str(end.stopped_by))
     elif not end.finished:
         yield Problem(code="cut.stopped_by_another")
-    elif end.hold_asked and not held:
+    elif end.end_asked and not held:
         yield Problem(code="cut.held_by_another")
     elif length.problem is not None:
         yield length.problem

@@ -67,7 +67,7 @@ class Loading:
         if not finished and not by:
             self._clock.wait(TOLD_WITHIN_S)
             (by,) = self._client.numbers(STOPPED_BY, again=True)
-        return ProgramEnd(turns=turns, finished=finished == 1.0, hold_asked=hold != 0.0, stopped_by=int(by))
+        return ProgramEnd(turns=turns, finished=finished == 1.0, end_asked=hold != 0.0, stopped_by=int(by))
 
     def tables_on(self) -> bool:
         """Ask whether compensation tables are on: what their source moves, they move as well."""

@@ -20,7 +20,7 @@ from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-PROVING_LOOKS, MOST_LOOKS = 4, 6
+PROVING_POLLS, MOST_LOOKS = 4, 6
 STANDS_COUNTS = 2.0
 MOVES_COUNTS_A_CYCLE = 0.5
 TOLD_SHARE, TOLD_COUNTS = 0.25, 12.0
@@ -45,7 +45,7 @@ def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float)
     """
     tool = machine.tool
     force_n = gains_from_variables(machine).kp_v_per_m * tool.loop_gain_n_per_v * amplitude_um * 1e-6
-    late_s = PROVING_LOOKS / 2 * (CUT_POLL_S + LONGEST_WAIT_S) + (PROVING_LOOKS + 1) * round_trip_s
+    late_s = PROVING_POLLS / 2 * (CUT_POLL_S + LONGEST_WAIT_S) + (PROVING_POLLS + 1) * round_trip_s
     pushed_m = 0.5 * force_n / tool.moving_mass_kg * late_s**2
     if tool.damping_n_s_per_m > 0.0:
         settled_m_s = force_n / tool.damping_n_s_per_m
@@ -70,7 +70,7 @@ class Standstill:
         self._rig = rig
         self._frequency_hz = frequency_hz
         self._told_counts = max(TOLD_COUNTS, TOLD_SHARE * amplitude_um / rig.machine.tool.count_um)
-        self._looks: deque[tuple[float, float]] = deque(maxlen=MOST_LOOKS)
+        self._poller: deque[tuple[float, float]] = deque(maxlen=MOST_LOOKS)
 
     def see(self, snapshot: Snapshot) -> None:
         """Take in a look.
@@ -79,8 +79,8 @@ class Standstill:
             DriverError: `identify.no_motion`, every loop is open then; or the link broke.
         """
         tool = snapshot.tool
-        self._looks.append((tool.position, tool.position + tool.following_error))
-        if len(self._looks) > 1 and abs(self._looks[-1][0] - self._looks[-2][0]) > STANDS_COUNTS:
+        self._poller.append((tool.position, tool.position + tool.following_error))
+        if len(self._poller) > 1 and abs(self._poller[-1][0] - self._poller[-2][0]) > STANDS_COUNTS:
             return
         fastest = 0.0
         for periods in CONFIRMING_PERIODS:
@@ -88,7 +88,7 @@ class Standstill:
             fastest = max(fastest, abs(self._confirmed()))
         if self._stands() and fastest < MOVES_COUNTS_A_CYCLE:
             self._rig.lathe.stop.kill("identify.no_motion")
-            value = f"{self._looks[-1][0]:.1f} counts"
+            value = f"{self._poller[-1][0]:.1f} counts"
             raise DriverError(Problem(code="identify.no_motion", key="tool", where=self._rig.where, value=value))
 
     def _confirmed(self) -> float:
@@ -104,14 +104,14 @@ class Standstill:
         address = register.address + (motor - 1) * register.stride
         items = (f"#{motor}P", "F", f"R{register.space}${address:X}")
         position, error, word = self._rig.client.numbers(*items, again=True)
-        self._looks.append((position, position + error))
+        self._poller.append((position, position + error))
         signed = word - (1 << WORD_BITS) if word >= 1 << (WORD_BITS - 1) else word
         return signed / (self._rig.machine.controller.variables[f"I{motor}09"] * COUNT_PARTS)
 
     def _stands(self) -> bool:
         """Whether the reading stood in the last looks, however many of them are taken, and the command did not."""
-        for count in range(PROVING_LOOKS, len(self._looks) + 1):
-            readings, told = zip(*list(self._looks)[-count:], strict=True)
+        for count in range(PROVING_POLLS, len(self._poller) + 1):
+            readings, told = zip(*list(self._poller)[-count:], strict=True)
             if max(readings) - min(readings) > STANDS_COUNTS:
                 return False
             if max(told) - min(told) >= self._told_counts:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from drivers.controller import Controller
 from drivers.errors import LinkError, RefusedError
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import Looks
+from drivers.lathe.polling import Poller
 from drivers.lathe.safety import device_problems
 from drivers.lathe.stop import StopPath
 from profiles.problem import Problem
@@ -26,13 +26,13 @@ class Sending:
         self,
         client: Controller,
         stop: StopPath,
-        looks: Looks,
+        looks: Poller,
         ownership: Ownership | None,
         forgo: Callable[[], None] = lambda: None,
     ) -> None:
         """`forgo` is told that a line was not carried out: no lease of it is kept."""
         self.has_moved, self._forgo = False, forgo
-        self._client, self._stop, self._looks, self._ownership = client, stop, looks, ownership
+        self._client, self._stop, self._poller, self._ownership = client, stop, looks, ownership
 
     def refuse_unless_owner(self) -> None:
         """Make sure that this console may command the machine.
@@ -50,9 +50,9 @@ class Sending:
             RefusedError: `safety.not_good`, with each that is not as it must be.
             DriverError: the link broke.
         """
-        if not self._looks.sees_devices:
+        if not self._poller.sees_devices:
             return
-        problems = device_problems(self._looks.look().inputs)
+        problems = device_problems(self._poller.look().inputs)
         if problems:
             raise RefusedError(*problems)
 
@@ -64,7 +64,7 @@ class Sending:
         Raises:
             RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
         """
-        if not self._looks.loops_closed and not self._looks.look().loops_closed:
+        if not self._poller.loops_closed and not self._poller.look().loops_closed:
             raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
         self.once(line, leased)
 
@@ -98,7 +98,7 @@ class Sending:
         except LinkError as error:
             if error.problems[0].code == IN_PART:
                 self._stop.stop(IN_PART)
-            self._looks.in_doubt()
+            self._poller.in_doubt()
             raise
         if self._stop.reason is not None:
             self._stop.repeat()
@@ -111,7 +111,7 @@ class Sending:
             RefusedError: `machine.moving`.
             LinkError: the link broke or is out of step.
         """
-        if self._looks.look().moving:
+        if self._poller.look().moving:
             raise RefusedError(Problem(code="machine.moving", where=self._client.link.address))
 
     def _refuse_stirred(self, line: str, refused: RefusedError) -> None:
@@ -120,12 +120,12 @@ class Sending:
         Raises:
             LinkError: `link.line_in_part`; or the link broke.
         """
-        if refused.problems[0].code in UNBROUGHT and self._looks.look().moving:
+        if refused.problems[0].code in UNBROUGHT and self._poller.look().moving:
             self._stop.stop(IN_PART)
             raise LinkError(Problem(code=IN_PART, where=self._client.link.address, key=line))
 
     def _refuse_now(self) -> None:
         self._stop.check()
         self.refuse_unless_owner()
-        if self._stop.hands_in:
+        if self._stop.inside_guard:
             raise RefusedError(Problem(code="machine.hands_in", where=self._client.link.address))

@@ -9,7 +9,7 @@ from drivers.cutting.sampling import BatchGather
 from drivers.errors import LinkTimeoutError
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
-from drivers.lathe.polling import LOOK_TIMEOUT_S
+from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standstill import REST_S, Settling
 from drivers.lathe.wiring import Wiring
@@ -36,7 +36,7 @@ class CutProgram:
             wiring.clock,
             wiring.stop,
         )
-        self._heartbeat, self._looks, self._sending = wiring.heartbeat, wiring.looks, wiring.sending
+        self._heartbeat, self._poller, self._sending = wiring.heartbeat, wiring.looks, wiring.sending
         self._moves, self._motion, self._loading = wiring.moves, wiring.motion, wiring.loading
         self._forget_jogs = forget_jogs
 
@@ -139,9 +139,9 @@ class CutProgram:
         self.held = True
         line = f"{HOLD_FLAG}=1"
         try:
-            self._client.request(line, LOOK_TIMEOUT_S)
+            self._client.request(line, POLL_TIMEOUT_S)
         except LinkTimeoutError:
-            self._client.request(line, LOOK_TIMEOUT_S)
+            self._client.request(line, POLL_TIMEOUT_S)
 
     def trim(self, trim_um: complex) -> None:
         """Ask a cut that listens for the wave Re(c exp(j lobe angle)) beside its table, c in um; see `cam_trim`.
@@ -154,13 +154,13 @@ class CutProgram:
         self._sending.refuse_unless_owner()
         line = trim_line(trim_um, self._machine.tool.count_um)
         try:
-            self._client.request(line, LOOK_TIMEOUT_S)
+            self._client.request(line, POLL_TIMEOUT_S)
         except LinkTimeoutError:  # twice the same wave is the same wave
-            self._client.request(line, LOOK_TIMEOUT_S)
+            self._client.request(line, POLL_TIMEOUT_S)
 
     def batches(self) -> BatchGather:
         """Return the gathering of tool and spindle during a cut, see `drivers.cutting.sampling`; nothing moves."""
-        return BatchGather(self._client, self._machine, self._clock, lambda: self._looks.round_trip_s)
+        return BatchGather(self._client, self._machine, self._clock, lambda: self._poller.round_trip_s)
 
     def follow(self, watch: Callable[[Snapshot], None], timeout_s: float, guard: Guard = unguarded) -> Snapshot:
         """Look at the machine until the program has ended and the axes have arrived.
@@ -175,7 +175,7 @@ class CutProgram:
             StoppedError: somebody stopped the machine.
         """
         settling = Settling(driven_axes(self._machine), band_counts(self._machine, AxisName.TOOL), REST_S)
-        self._looks.watched, self._looks.changed = self._loading.watch(), None
+        self._poller.watched, self._poller.changed = self._loading.watch(), None
         try:
             return self._motion.until(
                 lambda seen: not seen.program_running and settling.is_over(seen),
@@ -185,4 +185,4 @@ class CutProgram:
                 guard=guard,
             )
         finally:
-            self._looks.watched, self._looks.changed = None, None
+            self._poller.watched, self._poller.changed = None, None

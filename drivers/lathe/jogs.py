@@ -10,7 +10,7 @@ from drivers.errors import DriverError, RefusedError
 from drivers.lathe.guards import JogGuard, OthersStill
 from drivers.lathe.lengths import Lengths, motor_of, settings_of
 from drivers.lathe.motion import Motion, refuse_beyond_travel
-from drivers.lathe.polling import Looks
+from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot, driven_axes
 from drivers.lathe.standstill import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
 from drivers.lathe.stop import StopPath
@@ -36,13 +36,13 @@ class Jogs:
     def __init__(
         self,
         machine: MachineProfile,
-        looks: Looks,
+        looks: Poller,
         motion: Motion,
         stop: StopPath,
         loading: Loading,
         send: Callable[[str], None],
     ) -> None:
-        self._machine, self._looks, self._motion, self._stop = machine, looks, motion, stop
+        self._machine, self._poller, self._motion, self._stop = machine, looks, motion, stop
         self._loading, self._send, self._lengths = loading, send, Lengths(machine)
         self._left: tuple[Snapshot, object] | None = None
 
@@ -61,7 +61,7 @@ class Jogs:
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
             if axis not in driven_axes(self._machine):
                 continue
-            now = self._looks.look()
+            now = self._poller.look()
             self._refuse_shifted(now)
             others = self._others(axis, now)
             self._send(f"#{motor_of(self._machine, axis)}HM")
@@ -109,7 +109,7 @@ class Jogs:
 
     def _jog_guard(self, axis: AxisName, end: float) -> JogGuard:
         """Return what judges a jog to `end`; an axis is seen ahead by what it goes while it is read."""
-        now = self._looks.look()
+        now = self._poller.look()
         self._refuse_shifted(now)
         self.forget()  # until this one is over
         settings = settings_of(self._machine, axis)
@@ -181,10 +181,10 @@ class Jogs:
             DriverError: `machine.moving`, `machine.not_enabled`.
         """
         self._stop.check()
-        snapshot = self._looks.look()
+        snapshot = self._poller.look()
         if snapshot.moving:
-            raise RefusedError(Problem(code="machine.moving", where=self._looks.address))
+            raise RefusedError(Problem(code="machine.moving", where=self._poller.address))
         state = snapshot.axis(axis)
         if not state.closed:
-            raise RefusedError(Problem(code="machine.not_enabled", where=self._looks.address))
+            raise RefusedError(Problem(code="machine.not_enabled", where=self._poller.address))
         return state

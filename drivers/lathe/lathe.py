@@ -15,13 +15,13 @@ from drivers.commissioning.settings_check import differences
 from drivers.controller import Controller
 from drivers.cutting.loading import STOPPED_BY
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.control_state import NOBODY, Standing
 from drivers.lathe.cut_program import CutProgram
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import LOOK_TIMEOUT_S
+from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
-from drivers.lathe.standing import NOBODY, Standing
 from drivers.lathe.standstill import prove_rest
 from drivers.lathe.stop import StopPath
 from drivers.lathe.wiring import wired
@@ -71,7 +71,7 @@ class Lathe:
         }
         self._driven = driven_axes(machine)
         wiring = wired(client, machine, clock, stop, seen, heartbeat, ownership, lambda: self.program.hold())
-        self._looks, self._sending, self._moves = wiring.looks, wiring.sending, wiring.moves
+        self._poller, self._sending, self._moves = wiring.looks, wiring.sending, wiring.moves
         self._jogs = Jogs(machine, wiring.looks, wiring.motion, stop, wiring.loading, wiring.moves.jog)
         self.program = CutProgram(wiring, self._jogs.forget)
 
@@ -83,7 +83,7 @@ class Lathe:
     @property
     def round_trip_s(self) -> float:
         """How long the last look took from its request to its reply."""
-        return self._looks.round_trip_s
+        return self._poller.round_trip_s
 
     def connect(self) -> tuple[str, str]:
         """Set the link up; return version and type of the controller.
@@ -109,7 +109,7 @@ class Lathe:
         if self.ownership is not None:
             self.ownership.claim()
 
-    def take_over(self) -> int:
+    def take_control(self) -> int:
         """Take the machine from whoever controls it, at rest; return the number of that console.
 
         Raises:
@@ -119,7 +119,7 @@ class Lathe:
         if self.ownership is None:
             return NOBODY
         self._jogs.forget()
-        return self.ownership.take_over(at_rest=self.snapshot().at_rest)
+        return self.ownership.take_control(at_rest=self.snapshot().at_rest)
 
     def release(self) -> None:
         """Give the machine back; a link that does not take it leaves it to the next one to take over."""
@@ -131,7 +131,7 @@ class Lathe:
         """Compare the controller's settings and axis definitions with the machine profile; nothing is written."""
         as_defined = replace(self.machine.controller, axis_definitions=self.program.definitions)
         problems = differences(self._client, as_defined, self._dialect, self._motors.values())
-        self._looks.verified = not problems
+        self._poller.verified = not problems
         return tuple(problems)
 
     def snapshot(self) -> Snapshot:
@@ -140,11 +140,11 @@ class Lathe:
         Raises:
             LinkError: the link broke or is out of step.
         """
-        return self._looks.look()
+        return self._poller.look()
 
-    def hands_clear(self) -> None:
+    def confirm_nobody_inside(self) -> None:
         """Take somebody's word that nobody has hands in the machine any more; nothing is sent."""
-        self.stop.hands_in = False
+        self.stop.inside_guard = False
 
     def enable(self) -> None:
         """Close the loops of all axes where they stand; a spindle on an inverter is none of them.
@@ -157,7 +157,7 @@ class Lathe:
         self.stop.check()
         self._sending.refuse_unless_owner()
         self._sending.refuse_unsafe()
-        if self._heartbeat is not None and not self.stop.hands_in:
+        if self._heartbeat is not None and not self.stop.inside_guard:
             self._heartbeat.prepare()
         self._jogs.forget()
         for axis in self._driven:
@@ -168,14 +168,14 @@ class Lathe:
     def switch_off(self) -> None:
         """Open the loops of all axes at rest: drives off. No stop is in force afterwards.
 
-        From now on there may be hands in the machine, and nothing closes a loop before `hands_clear`.
+        From now on there may be hands in the machine, and nothing closes a loop before `confirm_nobody_inside`.
 
         Raises:
             DriverError: `machine.moving`, nothing was sent; `machine.not_switched_off`, an axis does not open.
         """
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()
-        self.stop.hands_in = True
+        self.stop.inside_guard = True
         self.stop.switch_off()
         if not self.snapshot().loops_open:
             raise DriverError(Problem(code="machine.not_switched_off", where=self._client.link.address))
@@ -228,7 +228,7 @@ class Lathe:
             LinkError: the link broke or is out of step.
         """
         if self.ownership is not None:
-            self._client.request(f"{STOPPED_BY}={self.ownership.number}", LOOK_TIMEOUT_S)
+            self._client.request(f"{STOPPED_BY}={self.ownership.number}", POLL_TIMEOUT_S)
 
     def wait_for_rest(self) -> Snapshot:
         """After a stop: repeat it until the controller proves that nothing moves, see `drivers.lathe.standstill`.
@@ -237,7 +237,7 @@ class Lathe:
             DriverError: `machine.not_at_rest`.
             LinkError: `link.lost`, there is nobody to ask any more.
         """
-        return prove_rest(self._looks, self.stop, self._clock, self._moves.end)
+        return prove_rest(self._poller, self.stop, self._clock, self._moves.end)
 
     def acknowledge_loss(self) -> None:
         """Take the operator's word that what the card has ended without a host was seen.
@@ -255,7 +255,7 @@ class Lathe:
 
     def in_doubt(self) -> None:
         """Whatever was seen of the drives is not to be relied on any more: the next stop is a control-K."""
-        self._looks.in_doubt()
+        self._poller.in_doubt()
 
     @property
     def anothers(self) -> bool:

@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.control_state import Standing
 from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguarded
 from drivers.lathe.heartbeat import LAPSED, Heartbeat
 from drivers.lathe.left_behind import left_behind
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import Looks
+from drivers.lathe.polling import Poller
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.motor_settings import MotorSettings
@@ -40,7 +40,7 @@ class Motion:
     def __init__(
         self,
         machine: MachineProfile,
-        looks: Looks,
+        looks: Poller,
         stop: StopPath,
         clock: Clock,
         heartbeat: Heartbeat | None,
@@ -48,14 +48,14 @@ class Motion:
         hold: Callable[[], None],
     ) -> None:
         """`hold` asks the program that runs to end by itself, with its tool out."""
-        self._machine, self._looks, self._stop, self._clock = machine, looks, stop, clock
+        self._machine, self._poller, self._stop, self._clock = machine, looks, stop, clock
         self._heartbeat, self._ownership, self._hold = heartbeat, ownership, hold
 
     def _pause(self, seconds: float) -> None:
         if self._heartbeat is None:
             self._clock.wait(seconds)
         else:
-            self._heartbeat.pause(seconds, self._looks.patience_s)
+            self._heartbeat.pause(seconds, self._poller.patience_s)
 
     def until(
         self,
@@ -77,20 +77,20 @@ class Motion:
                 `heartbeat.plc_silent`, see `_end_unguarded`; and what ends it from outside, see `_next_look`.
         """
         deadline = self._clock.now_s() + timeout_s
-        homed = frozenset() if self._looks.last is None else self._looks.last.homed_axes - {homing}
+        homed = frozenset() if self._poller.last is None else self._poller.last.homed_axes - {homing}
         standing_on: frozenset[str] = (
-            frozenset() if watch is not None or self._looks.last is None else self._looks.last.limits
+            frozenset() if watch is not None or self._poller.last is None else self._poller.last.limits
         )
         alone: tuple[Problem, ...] = ()
         while True:
-            before, snapshot = self._looks.last, self._next_look(deadline, watch, homed)
+            before, snapshot = self._poller.last, self._next_look(deadline, watch, homed)
             met = snapshot.axis_faults if watch is None else snapshot.faults
             self._refuse_faults(before, snapshot, what, [fault for fault in met if fault not in standing_on])
             self._refuse_astray(snapshot, guard)
             if not alone and self._heartbeat is not None and self._heartbeat.silent is not None:
                 alone = (self._heartbeat.silent,)
                 deadline = min(deadline, self._end_unguarded(self._heartbeat, alone[0], in_cut=watch is not None))
-            self._looks.watch_constants()
+            self._poller.watch_constants()
             if watch is not None:
                 watch(snapshot)
             if done(snapshot):
@@ -127,7 +127,7 @@ class Motion:
             DriverError: `machine.loop_open`, those of the guard, `controller.constant_differs` of the program.
         """
         self._stop.check()
-        found = (open_loop_problem(snapshot), self._looks.changed, *guard(snapshot))
+        found = (open_loop_problem(snapshot), self._poller.changed, *guard(snapshot))
         problems = [problem for problem in found if problem is not None]
         if problems:
             self._stop.stop(problems[0].code)
@@ -161,7 +161,7 @@ class Motion:
         try:
             self._pause(JOG_POLL_S if watch is None else CUT_POLL_S)
             self._stop.check()
-            snapshot = self._looks.look()
+            snapshot = self._poller.look()
             self._refuse_reset(homed, snapshot)
             if snapshot.lost and self._heartbeat is not None and self._heartbeat.guarding:
                 raise self._heartbeat.lapse()
@@ -194,7 +194,7 @@ class Motion:
         deadline = min(deadline, self._clock.now_s() + heartbeat.ends_within_s)
         while self._clock.now_s() < deadline:
             self._stop.check()
-            snapshot = self._looks.look()
+            snapshot = self._poller.look()
             if snapshot.at_rest and not heartbeat.is_ending():
                 return
             if self._ownership is not None and self._ownership.standing is Standing.OUSTED:

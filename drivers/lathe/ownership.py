@@ -14,7 +14,7 @@ from random import Random, SystemRandom
 
 from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.lathe.standing import NOBODY, Standing
+from drivers.lathe.control_state import NOBODY, Standing
 from drivers.link.base import GONE
 from drivers.pmac.language.text import format_number
 from drivers.pmac.reserved import OWNER
@@ -71,7 +71,7 @@ class Ownership:
             raise self._held()
         self._become_owner(NOBODY)
 
-    def take_over(self, *, at_rest: bool) -> int:
+    def take_control(self, *, at_rest: bool) -> int:
         """Become the owner whoever it was; return the number of that one, for the record.
 
         Raises:

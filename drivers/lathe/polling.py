@@ -18,7 +18,7 @@ from drivers.link.base import GONE
 from drivers.pmac.program_constants import ConstantsWatch
 from profiles.problem import Problem
 
-LOOK_TIMEOUT_S = 0.3
+POLL_TIMEOUT_S = 0.3
 """How long the answer to a look may take: in a cut nothing else tells of a fault."""
 
 GUARDED_TIMEOUT_S = 0.17
@@ -27,14 +27,14 @@ GUARDED_TIMEOUT_S = 0.17
 QUICK_TIMEOUT_S = 0.17
 """The least time that an answer is given while a stop is being proven: the next repetition must not wait."""
 
-LOOKS_A_READING, CONSTANTS_A_READING = 4, 4
+POLLS_A_READING, CONSTANTS_A_READING = 4, 4
 """How many looks a reading of constants is apart, and how many of them it reads."""
 
 SLOW_LINE_S = 0.05
 """Over a line on which a look takes longer, a reading is of one constant: leases and looks come first."""
 
 
-class Looks:
+class Poller:
     """What the controller says of itself.
 
     `last` is the last look that succeeded. `loops_closed` is whether the last look saw every driven axis under
@@ -61,7 +61,7 @@ class Looks:
         self.round_trip_s = 0.0
         self.watched: ConstantsWatch | None = None
         self.changed: Problem | None = None
-        self._looks_made = 0
+        self._polls_made = 0
         self._client, self._clock, self._stop, self._items = client, clock, stop, items
         self._seen, self._heartbeat, self._ownership = seen, heartbeat, ownership
 
@@ -87,24 +87,24 @@ class Looks:
             LinkError: the link broke or is out of step.
         """
         try:
-            return self.look_once(self._first_timeout_s)
+            return self.poll_once(self._first_timeout_s)
         except LinkError as error:
             if any(problem.code in GONE for problem in error.problems):
                 raise
-            return self.look_once(LOOK_TIMEOUT_S)
+            return self.poll_once(POLL_TIMEOUT_S)
 
     @property
     def patience_s(self) -> float:
         """How long the answer to a look may take where the next try must not wait: a slow line takes its time."""
-        return min(max(QUICK_TIMEOUT_S, 2.0 * self.round_trip_s), LOOK_TIMEOUT_S)
+        return min(max(QUICK_TIMEOUT_S, 2.0 * self.round_trip_s), POLL_TIMEOUT_S)
 
     @property
     def _first_timeout_s(self) -> float:
         if self._heartbeat is None or not self._heartbeat.guarding:
-            return LOOK_TIMEOUT_S
-        return min(max(GUARDED_TIMEOUT_S, 2.0 * self.round_trip_s), LOOK_TIMEOUT_S)
+            return POLL_TIMEOUT_S
+        return min(max(GUARDED_TIMEOUT_S, 2.0 * self.round_trip_s), POLL_TIMEOUT_S)
 
-    def look_once(self, timeout_s: float) -> Snapshot:
+    def poll_once(self, timeout_s: float) -> Snapshot:
         """Read the state of the machine in one request.
 
         Raises:
@@ -144,8 +144,8 @@ class Looks:
         watched = self.watched
         if watched is None:
             return
-        self._looks_made += 1
-        if self._looks_made % LOOKS_A_READING:
+        self._polls_made += 1
+        if self._polls_made % POLLS_A_READING:
             return
         names = watched.names(CONSTANTS_A_READING if self.round_trip_s < SLOW_LINE_S else 1)
         if not names or self._stop.reason is not None:

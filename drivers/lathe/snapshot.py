@@ -11,7 +11,7 @@ from drivers.errors import LinkError
 from drivers.lathe.safety import inputs_of
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.foreseen import number_of
+from drivers.pmac.expected_replies import number_of
 from drivers.pmac.status import decode
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.lathe.polling import Looks
+from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.base import GONE
@@ -15,7 +15,7 @@ from profiles.problem import Problem
 REST_TIMEOUT_S = 15.0
 COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
-LOOKS_AT_REST = 3
+POLLS_AT_REST = 3
 REST_BAND_COUNTS = 1.0
 """Rest is so many looks in a row, between which no axis has gone further than this."""
 
@@ -29,7 +29,7 @@ REST_S = 2.0
 """The same where nothing depends on it."""
 
 
-def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[], None]) -> Snapshot:
+def prove_rest(looks: Poller, stop: StopPath, clock: Clock, end_guard: Callable[[], None]) -> Snapshot:
     """Look at the machine until it is proven to rest, and repeat the stop while it is not.
 
     After control-K every loop must be open as well, and a spindle may take its time to run out. A look that fails
@@ -43,10 +43,10 @@ def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[
     """
     began_s = clock.now_s()
     before: Snapshot | None = None
-    mark, looks_at_rest = stop.mark, 0
+    mark, polls_at_rest = stop.mark, 0
     while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
         if stop.mark != mark:
-            mark, looks_at_rest = stop.mark, 0
+            mark, polls_at_rest = stop.mark, 0
         try:
             snapshot = _look(looks)
         except DriverError:
@@ -58,8 +58,8 @@ def prove_rest(looks: Looks, stop: StopPath, clock: Clock, end_guard: Callable[[
         if not proven:
             stop.repeat()
         still = snapshot is not None and before is not None and snapshot.near(before, REST_BAND_COUNTS)
-        looks_at_rest = looks_at_rest + 1 if proven and still else 0
-        if snapshot is not None and mark is not None and looks_at_rest >= LOOKS_AT_REST:
+        polls_at_rest = polls_at_rest + 1 if proven and still else 0
+        if snapshot is not None and mark is not None and polls_at_rest >= POLLS_AT_REST:
             stop.rest_proven(mark)
             if stop.proven:
                 return snapshot
@@ -77,9 +77,9 @@ def _timeout_s(stop: StopPath) -> float:
     return COAST_TIMEOUT_S if stop.killed else REST_TIMEOUT_S
 
 
-def _look(looks: Looks) -> Snapshot | None:
+def _look(looks: Poller) -> Snapshot | None:
     try:
-        return looks.look_once(looks.patience_s)
+        return looks.poll_once(looks.patience_s)
     except DriverError as error:
         if error.problems[0].code in GONE:
             raise
@@ -152,4 +152,6 @@ class HomeSearch:
 def nearly_arrived(snapshot: Snapshot, axis: AxisName, band_counts: float) -> bool:
     """Whether an axis is commanded to rest, and lags by no more than a band."""
     state = snapshot.axis(axis)
-    return "desired_velocity_zero" in state.flags and abs(state.following_error) <= band_counts
+    # A jog of next to nothing never has a velocity, but until its time is over the controller starts no program.
+    resting = "desired_velocity_zero" in state.flags and "move_timer_active" not in state.flags
+    return resting and abs(state.following_error) <= band_counts

@@ -33,8 +33,8 @@ class StopPath:
     control-K until then, whatever an older reply says of the drives.
 
     `loops_closed` is set by the lathe from what the controller reports, and cleared when that is in doubt; it
-    starts as False, because nothing is known yet. `hands_in` is latched by whoever lets hands into the machine:
-    until it is taken back every stop is a control-K, whatever the drives are said to be. `delivered` is whether
+    starts as False, because nothing is known yet. `inside_guard` says that somebody may be inside the guard: until
+    that is taken back every stop is a control-K, whatever the drives are said to be. `delivered` is whether
     the link took the last stop.
 
     `leave_by_s` is set by whoever has to end this process, in machine time: rest is not waited for beyond it.
@@ -44,7 +44,7 @@ class StopPath:
     def __init__(self, link: Link) -> None:
         self._link = link
         self.loops_closed = False
-        self.hands_in = False
+        self.inside_guard = False
         # No lock: a signal handler may come in the middle of anything. The list of stops only grows, a release
         # only says how many of them are over, so that no release can take back a stop that it does not know.
         self._begun: list[str] = []
@@ -145,7 +145,7 @@ class StopPath:
 
     def _send(self, reason: str, *, kill: bool) -> None:
         self._begun.append(reason)
-        if kill or self.hands_in or not self.loops_closed:
+        if kill or self.inside_guard or not self.loops_closed:
             self._killed_at = len(self._begun)
         try:
             self._link.send_urgent(KILL_ALL if self.killed else ABORT_ALL)

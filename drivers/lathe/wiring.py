@@ -9,11 +9,11 @@ from drivers.clock import Clock
 from drivers.controller import Controller
 from drivers.cutting.loading import Loading
 from drivers.lathe.commands import Sending
+from drivers.lathe.guarded_moves import GuardedMoves
 from drivers.lathe.heartbeat import Heartbeat
-from drivers.lathe.leased_moves import LeasedMoves
 from drivers.lathe.motion import Motion
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import Looks
+from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import Snapshot, SnapshotItems
 from drivers.lathe.stop import StopPath
 from drivers.pmac.dialect import DIALECTS
@@ -29,9 +29,9 @@ class Wiring:
     clock: Clock
     stop: StopPath
     heartbeat: Heartbeat | None
-    looks: Looks
+    looks: Poller
     sending: Sending
-    moves: LeasedMoves
+    moves: GuardedMoves
     motion: Motion
     loading: Loading
 
@@ -52,7 +52,7 @@ def wired(
         DriverError: `safety.bad_input`, in the profile.
     """
     items = SnapshotItems(machine, DIALECTS[machine.controller.family])
-    looks = Looks(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
+    looks = Poller(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
     forgo = heartbeat.forgo if heartbeat is not None else lambda: None
     sending = Sending(client, stop, looks, ownership, forgo)
     return Wiring(
@@ -63,7 +63,7 @@ def wired(
         heartbeat=heartbeat,
         looks=looks,
         sending=sending,
-        moves=LeasedMoves(sending, looks, heartbeat),
+        moves=GuardedMoves(sending, looks, heartbeat),
         motion=Motion(machine, looks, stop, clock, heartbeat, ownership, hold),
         loading=Loading(client, machine, clock),
     )

@@ -18,7 +18,7 @@ from drivers.link.base import GONE, Link
 from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import Exchange
-from drivers.pmac.foreseen import foresee, number_of
+from drivers.pmac.expected_replies import foresee, number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.link_faults import LinkFaults
 from profiles.problem import Problem

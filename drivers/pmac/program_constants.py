@@ -14,7 +14,7 @@ from itertools import cycle, islice
 
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.foreseen import number_of
+from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.lexer import Scanner

@@ -13,16 +13,16 @@ from drivers.simulator.card.registers import CardMemory
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.card.watchdog import Background
 from drivers.simulator.faults.board import FaultBoard
-from drivers.simulator.faults.effects import Site
+from drivers.simulator.faults.effects import FaultTarget
 from drivers.simulator.faults.lines import Lines
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.hosts.program_voice import speak
 from drivers.simulator.plant.collision import Collision
 from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.inverter import InverterSpindle
-from drivers.simulator.plant.shop_floor import ShopFloor
-from drivers.simulator.plant.shop_view import ShopView
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from drivers.simulator.plant.workshop import SimulatedWorkshop
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -69,7 +69,7 @@ class SimulatedLathe:
         self.lines = Lines(now_s=self.now_s)
         self._background = Background(self.controller, self.lines)
         self.faults = FaultBoard(self._site())
-        self._floor = ShopFloor(machine, true, self._drives)
+        self._floor = SimulatedWorkshop(machine, true, self._drives)
         self._debt_cycles = 0.0
 
     def connect(self) -> Port:
@@ -145,7 +145,7 @@ class SimulatedLathe:
         """
         return self._floor.measure_clamped()
 
-    def look(self) -> ShopView:
+    def look(self) -> WorkshopView:
         """Look at the chuck, as an operator does who knows nothing of counts and zeros."""
         machine, motors = self._machine, self.controller.motors
         axes = (machine.tool, machine.spindle, machine.carriage)
@@ -186,10 +186,10 @@ class SimulatedLathe:
             raise RuntimeError("the controller drives this spindle: there is no inverter")
         return self._drives.inverter
 
-    def _site(self) -> Site:
+    def _site(self) -> FaultTarget:
         """Return what faults happen to."""
         machine = self._machine
-        return Site(
+        return FaultTarget(
             controller=self.controller,
             motors={
                 "tool": machine.tool.motor,

@@ -90,7 +90,7 @@ class CutWith:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lesson:
+class LearningStep:
     """What a part teaches: the version for the next, which waves it changes, and what the next should be like.
 
     The expected lobe is 95 % sure within the half-width, by the noise of the trace and the scatter of two
@@ -131,7 +131,7 @@ def next_version(
     response: Callable[[int], complex],
     scatter_um: float,
     date: str,
-) -> Lesson:
+) -> LearningStep:
     """Return what a part teaches.
 
     `number` is that of the version to make, `gain` None the usual one, `orders` the waves that can be commanded.
@@ -150,7 +150,7 @@ def next_version(
     contractions = _contractions(cut, part, read, job, used_gain, scatter_um, orders)
     # The next part is lower by what the tool goes deeper.
     deeper = {n: cut.spared_um.get(n, 0j) + used_gain * learned.get(n, 0j) for n in {*cut.spared_um, *learned}}
-    return Lesson(
+    return LearningStep(
         next=LearnedCompensation(
             holds_for=holds_for,
             version=number,

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from console.session.station.intents import Intent
+from console.session.station.commands import Command
+from console.session.station.context import StationContext
 from console.session.station.owning import LOG_NAME, Owning, take_lock
 from console.session.station.state import StationState
 from console.session.station.station import Station
-from console.session.station.workplace import Workplace
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import OWNER_ITEM, Ownership
@@ -64,14 +64,14 @@ class OneConsole:
 class WithStation(OneConsole):
     """The same with the station of a screen."""
 
-    place: Workplace
+    place: StationContext
     station: Station
 
     @property
     def state(self) -> StationState:
         return self.station.state
 
-    def do(self, intent: Intent) -> StationState:
+    def do(self, intent: Command) -> StationState:
         """Order something and have it carried out; it must be taken."""
         assert self.station.post(intent), self.state.refusals
         self.station.step()
@@ -113,7 +113,7 @@ def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True) -> With
     """Connect a console with a station, as a screen has it: it claims the machine, or looks on."""
     loaded: LoadedMachine = load_machine(MACHINE)
     alone = console_of(sim, loaded.machine, data, locking=locking)
-    place = Workplace(
+    place = StationContext(
         lathe=alone.lathe,
         owning=alone.owning,
         machine=loaded,

@@ -8,22 +8,22 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from console.session.station.intents import (
+from console.session.station.commands import (
     Approach,
     Arm,
+    Command,
     ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
     Home,
-    Intent,
     Jog,
-    SwitchOff,
-    SwitchOn,
     TakeJaw,
     TakeTouchOff,
 )
+from console.session.station.context import StationContext
 from console.session.station.owning import Owning
 from console.session.station.state import StationState
 from console.session.station.station import Station
-from console.session.station.workplace import Workplace
 from drivers.cutting.planning import Strategy
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -48,14 +48,14 @@ class Floor:
     stop: StopPath
     link: MemoryLink
     station: Station
-    place: Workplace
+    place: StationContext
     looks: list[Callable[[Snapshot], None]] = field(default_factory=list)
 
     @property
     def state(self) -> StationState:
         return self.station.state
 
-    def do(self, intent: Intent) -> StationState:
+    def do(self, intent: Command) -> StationState:
         """Order something and have it carried out; it must be taken."""
         assert self.station.post(intent), self.state.refusals
         self.station.step()
@@ -69,9 +69,9 @@ class Floor:
 
     def set_up(self, job: Job) -> None:
         """Clamp, switch on and home, find jaw 1 and touch off, by what can be seen at the chuck."""
-        self.do(SwitchOff())
+        self.do(DisableDrives())
         self.do(ConfirmClamping(job=job))
-        self.do(SwitchOn())
+        self.do(EnableDrives())
         self.do(Home())
         for _ in range(2):
             seen = self.idle().seen
@@ -128,7 +128,7 @@ def open_floor(
             floor.station.seen(snapshot)
 
     lathe = Lathe(PmacClient(link, sim), machine.machine, sim, stop, seen)
-    place = Workplace(
+    place = StationContext(
         lathe=lathe,
         owning=Owning(lathe, link.address, records),
         machine=machine,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import Home, Jog, Recover, SwitchOn, TakeOver
+from console.session.station.commands import EnableDrives, Home, Jog, Recover, TakeControl
 from drivers.errors import RefusedError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -16,24 +16,24 @@ from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, console_of, station_of
 from tests.console.test_owning import jogs
 
-ORDERS: dict[str, Callable[[Lathe], object]] = {
+HANDLERS: dict[str, Callable[[Lathe], object]] = {
     "home": lambda lathe: lathe.home(),
     "jog": lambda lathe: lathe.jog_by(AxisName.CARRIAGE, -1000.0),
     "start": lambda lathe: lathe.program.start(2, 0.0),
 }
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", HANDLERS)
 def test_a_refused_motion_leaves_no_lease_behind(tmp_path: Path, order: str) -> None:
     machine = load_machine(MACHINE).machine
     sim = SimulatedLathe(machine)
     first, second = (console_of(sim, machine, tmp_path / name) for name in ("here", "there"))
     jogs(first, [])
-    second.owning.take_over()
+    second.owning.take_control()
     first.lathe.snapshot()
     first.hear()
     with pytest.raises(RefusedError):
-        ORDERS[order](first.lathe)
+        HANDLERS[order](first.lathe)
     for _ in range(4):
         sim.wait(0.1)
         first.lathe.snapshot()
@@ -43,7 +43,7 @@ def test_a_refused_motion_leaves_no_lease_behind(tmp_path: Path, order: str) -> 
 def test_a_console_that_slept_through_a_take_over_leaves_the_new_owner_alone(tmp_path: Path) -> None:
     sim = SimulatedLathe(load_machine(MACHINE).machine)
     asleep, other = station_of(sim, tmp_path / "here"), station_of(sim, tmp_path / "there")
-    asleep.do(SwitchOn())
+    asleep.do(EnableDrives())
     asleep.do(Home())
     slept: list[Snapshot] = []
 
@@ -51,7 +51,7 @@ def test_a_console_that_slept_through_a_take_over_leaves_the_new_owner_alone(tmp
         if snapshot.moving and not slept:
             slept.append(snapshot)
             sim.wait(2.0)  # its motion is ended by the card meanwhile
-            other.do(TakeOver())
+            other.do(TakeControl())
             other.do(Recover())
             other.client.request("M70=9000 P1003=1 #3J=60000")
             asleep.hear()
@@ -68,7 +68,7 @@ def test_a_console_that_slept_through_a_take_over_leaves_the_new_owner_alone(tmp
 def test_a_home_search_that_somebody_else_stops_is_told_at_once(tmp_path: Path) -> None:
     sim = SimulatedLathe(load_machine(MACHINE).machine)
     ready, other = station_of(sim, tmp_path / "here"), station_of(sim, tmp_path / "there")
-    ready.do(SwitchOn())
+    ready.do(EnableDrives())
     began_s: list[float] = []
 
     def stop(snapshot: Snapshot) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from console.session.station.alarms import Priority, collision_problems
-from console.session.station.intents import Acknowledge, ConfirmClamping, Start, SwitchOff
+from console.session.station.commands import Acknowledge, ConfirmClamping, DisableDrives, Start
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from drivers.errors import RefusedError
@@ -80,7 +80,7 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
         aligned.lathe.jog_to(AxisName.TOOL, 0.0)
     assert moved.value.problems[0].code == "controller.home_lost"
     aligned.lathe.jog_to(AxisName.TOOL, 0.0)
-    aligned.do(SwitchOff())
+    aligned.do(DisableDrives())
     assert told(aligned.do(ConfirmClamping(job=experiment_1(8.0)))) == {}
     aligned.set_up(experiment_1(8.0))
     again = set(told(plunge(aligned)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from console.session.stages import Stage
-from console.session.station.intents import ConfirmClamping, Hold, Jog, Recover, Retract, Start, SwitchOff
+from console.session.station.commands import ConfirmClamping, DisableDrives, EndCut, Jog, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import StationState
 from drivers.lathe.snapshot import AxisName
@@ -33,7 +33,7 @@ def cut_to_mm(state: StationState) -> float:
 
 
 def hold(floor: Floor) -> None:
-    assert floor.station.post(Hold())
+    assert floor.station.post(EndCut())
 
 
 def left_in_the_part(floor: Floor) -> StationState:
@@ -62,7 +62,7 @@ def test_it_is_not_forgotten_before_another_blank_is_clamped(aligned: Floor) -> 
     assert again.cut is not None and again.cut.stage is CutStage.POSITION
     assert (again.touched, again.marks_mm) == (left.touched, left.marks_mm)
     aligned.do(Recover())
-    aligned.do(SwitchOff())
+    aligned.do(DisableDrives())
     fresh = aligned.do(ConfirmClamping(job=JOB))
     assert (fresh.touched, fresh.marks_mm) == (None, ())
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from console.session.data.record_file import FILE_NAME
-from console.session.station.intents import Hold, Home, Jog, Measure, Recover, Start, SwitchOn
+from console.session.station.commands import EnableDrives, EndCut, Home, Jog, Measure, Recover, Start
 from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
@@ -125,7 +125,7 @@ def test_an_undisturbed_cut_is_done(floor: Floor, strategy: Strategy) -> None:
 
 def test_a_hold_of_this_console_is_a_hold(floor: Floor) -> None:
     def hold() -> None:
-        assert floor.station.post(Hold())
+        assert floor.station.post(EndCut())
 
     floor.arm(experiment_1(LONG_MM))
     floor.when(
@@ -168,7 +168,7 @@ def test_a_reset_in_a_jog_stops_it_and_says_so(floor: Floor) -> None:
     state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
     assert told(state)[0] == "controller.was_reset" and state.activity is Activity.STOPPED
     floor.do(Recover())
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     assert floor.do(Home()).alignment.homed
 
 

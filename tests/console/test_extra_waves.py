@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from console.session.errors import SessionError
-from console.session.learning.lessons import Taught, taught
+from console.session.learning.learning_steps import Taught, taught
 from drivers.cutting.planning import Strategy, plan_cut
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine

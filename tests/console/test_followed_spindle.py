@@ -21,7 +21,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
@@ -57,7 +57,7 @@ class Floor:
     def measure(self) -> Trace:
         return self.sim.measure()
 
-    def look(self) -> ShopView:
+    def look(self) -> WorkshopView:
         return self.sim.look()
 
     def set_spindle(self, rpm: float | None) -> None:

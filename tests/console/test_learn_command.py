@@ -12,7 +12,7 @@ import pytest
 
 from console.cli.commands import build
 from console.cli.machine.run_cut import learn_hint, tell_cut_with
-from console.cli.machine.run_order import ordered
+from console.cli.machine.run_request import requested
 from console.session.data.made_parts import MadeWith, made_with
 from console.session.errors import SessionError
 from console.text.catalogue import load
@@ -132,7 +132,7 @@ def test_what_is_not_meant_for_this_cut_is_refused_before_it(
 def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, learned: str, tmp_path: Path) -> None:
     def unused(*words: str) -> list[tuple[str, str, str]]:
         options = build(load("en")).parse_args(["run", ring, "--sim", *words])
-        found = [(problem.code, problem.key, problem.value) for problem in ordered(options).warnings]
+        found = [(problem.code, problem.key, problem.value) for problem in requested(options).warnings]
         return [each for each in found if each[0].startswith("learned.")]
 
     assert unused("--strategy", "cam") == unused("--strategy", "pvt") == [("learned.not_used", "1", "cam")]
@@ -197,7 +197,7 @@ def test_on_a_machine_the_last_line_says_how_to_learn(
     text, machine = load("en"), str(signed_copy("lee-2001-lathe", tmp_path))
     words = ["run", ring, "--machine", machine, "--link", "tcp:127.0.0.1:1", "--data", str(tmp_path)]
     options = build(text).parse_args(words)
-    order = ordered(options)
+    order = requested(options)
     tell_cut_with(options, order, text)
     assert capsys.readouterr().out == "pvt, whole compensation: from the job alone, nothing learned\n"
     assert learn_hint(options, order, text) == [

@@ -13,18 +13,18 @@ import pytest
 from console.session.data.learned_store import asked_for, store
 from console.session.data.made_parts import cuts_of, parts_made
 from console.session.errors import SessionError
-from console.session.learning.part_lesson import PartLesson, accept, lesson_of, revert
+from console.session.learning.part_learning import PartLearning, accept, learning_of, revert
 from console.session.stages import Stage, nominal_path
-from console.session.station.intents import (
+from console.session.station.commands import (
     Arm,
     ConfirmClamping,
+    DisableDrives,
     Disarm,
+    EnableDrives,
     Forget,
     Jog,
     Measure,
     Start,
-    SwitchOff,
-    SwitchOn,
     TakeJaw,
     TakeTouchOff,
 )
@@ -71,9 +71,9 @@ class Shop:
         return measured
 
     def clamp(self) -> None:
-        self.floor.do(SwitchOff())
+        self.floor.do(DisableDrives())
         self.floor.do(ConfirmClamping(job=self.job.job))
-        self.floor.do(SwitchOn())
+        self.floor.do(EnableDrives())
 
     def refused(self, **more: Any) -> list[str]:
         state = self.order(**more)
@@ -99,7 +99,7 @@ def lobe_um_pp(part: MeasuredPart) -> float:
     return 2.0 * part.result.amplitude_um(3)
 
 
-def lesson(part: MeasuredPart) -> PartLesson:
+def lesson(part: MeasuredPart) -> PartLearning:
     assert part.lesson is not None
     return part.lesson
 
@@ -228,7 +228,7 @@ def test_a_part_that_teaches_nothing_says_why(shop: Shop, change: dict[str, Any]
     angle_deg = np.arange(360.0)
     trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3.0 * angle_deg)), meta={"simulated": "yes"})
     armed = shop.armed(**change)
-    found = lesson_of(armed.loaded, armed.job.name, armed.made, trace, shop.machine, shop.data)
+    found = learning_of(armed.loaded, armed.job.name, armed.made, trace, shop.machine, shop.data)
     assert found.taught is None and [problem.code for problem in found.problems] == [code]
     with pytest.raises(SessionError, match=code.replace(".", r"\.")):
         accept(found, shop.data)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import Acknowledge, Home, Intent, SwitchOn
+from console.session.station.commands import Acknowledge, Command, EnableDrives, Home
 from console.session.station.link_thread import LinkThread, Opened
 from console.session.station.state import Activity, StationState
 from drivers.errors import LinkError
@@ -54,7 +54,7 @@ def link(floor: Floor) -> Iterator[LinkThread]:
     assert connected.join(SOON_S)
 
 
-def ordered(link: LinkThread, intent: Intent) -> None:
+def ordered(link: LinkThread, intent: Command) -> None:
     """Order something; the machine may still be at its last look."""
     wait_until(lambda: link.post(intent))
 
@@ -77,7 +77,7 @@ def test_a_stop_before_the_machine_is_there_is_the_first_thing_it_gets(
     wait_until(lambda: link.state.activity is Activity.STOPPED)
     state = link.state
     assert state.stop is not None and state.stop.reason == "space" and state.stop.rest_s is not None
-    assert not link.post(SwitchOn())
+    assert not link.post(EnableDrives())
     assert not floor.lathe.has_moved
     link.end("over")
     assert link.join(SOON_S) and link.rested
@@ -85,7 +85,7 @@ def test_a_stop_before_the_machine_is_there_is_the_first_thing_it_gets(
 
 def test_an_order_before_the_machine_is_there_is_refused() -> None:
     link = thread(lambda: pytest.fail("opened without being asked"))
-    assert not link.post(SwitchOn())
+    assert not link.post(EnableDrives())
     link.start()
     assert not link.post(Acknowledge())
     assert link.state.activity is Activity.CONNECTING
@@ -94,7 +94,7 @@ def test_an_order_before_the_machine_is_there_is_refused() -> None:
 
 
 def test_the_end_stops_what_moves_and_leaves_the_drives_off(link: LinkThread, floor: Floor) -> None:
-    ordered(link, SwitchOn())
+    ordered(link, EnableDrives())
     wait_until(lambda: link.state.activity is Activity.READY and link.state.alignment.drives_on)
     seen: list[StationState] = []
 
@@ -121,7 +121,7 @@ def test_an_end_between_an_order_and_its_beginning_lets_nothing_move(floor: Floo
     step = floor.station.step
 
     def late_step() -> None:
-        if floor.station.post(SwitchOn()):
+        if floor.station.post(EnableDrives()):
             link.end("SIGTERM", must_leave=True)
         step()
 
@@ -148,7 +148,7 @@ def test_a_machine_that_cannot_be_opened_says_why(fault: Exception, code: str) -
     wait_until(lambda: link.state.activity is Activity.LOST)
     assert [alarm.problem.code for alarm in link.state.alarms] == [code]
     assert link.state.machine == "a lathe"
-    assert not link.post(SwitchOn())
+    assert not link.post(EnableDrives())
     link.stop("space")
     link.end("quit")
     # Nothing was opened, so nothing moves because of it.
@@ -156,7 +156,7 @@ def test_a_machine_that_cannot_be_opened_says_why(fault: Exception, code: str) -
 
 
 def test_a_link_that_is_lost_in_motion_is_not_left_as_if_at_rest(link: LinkThread, floor: Floor) -> None:
-    ordered(link, SwitchOn())
+    ordered(link, EnableDrives())
     wait_until(lambda: link.state.activity is Activity.READY and link.state.alignment.drives_on)
 
     def cut_the_cable() -> None:

@@ -10,32 +10,32 @@ import pytest
 
 from console.session.cut.alignment import JawAngle, TouchOff, clamping_of, problems
 from console.session.data.made_parts import MadeWith
-from console.session.station.intents import (
+from console.session.station.commands import (
     Approach,
     Arm,
+    Command,
     ConfirmClamping,
+    DisableDrives,
     Disarm,
+    EnableDrives,
     Forget,
     Home,
-    Intent,
     Jog,
     Measure,
     Recover,
     Retract,
     Start,
-    SwitchOff,
-    SwitchOn,
+    TakeControl,
     TakeJaw,
-    TakeOver,
     TakeTouchOff,
     Verify,
 )
+from console.session.station.handlers import HANDLERS
 from console.session.station.link_thread import LinkThread, Opened
-from console.session.station.orders import ORDERS
 from console.session.station.state import Activity, Armed
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.control_state import Standing
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
@@ -43,10 +43,10 @@ from tests.console.floor import experiment_1
 from tests.console.test_link_thread import SOON_S, wait_until
 
 JOB = experiment_1()
-REFUSED: tuple[Intent, ...] = (
+REFUSED: tuple[Command, ...] = (
     ConfirmClamping(job=JOB),
-    SwitchOn(),
-    SwitchOff(),
+    EnableDrives(),
+    DisableDrives(),
     Home(),
     Approach(job=JOB),
     Jog(axis=AxisName.TOOL, distance=-1.0),
@@ -80,7 +80,7 @@ def observer(owner: WithStation, tmp_path: Path) -> WithStation:
 @pytest.fixture
 def ready(owner: WithStation) -> WithStation:
     """The owner with its drives on, homed."""
-    owner.do(SwitchOn())
+    owner.do(EnableDrives())
     owner.do(Home())
     return owner
 
@@ -126,7 +126,7 @@ def test_a_second_console_of_the_same_computer_looks_on_as_well(
 
 
 def test_every_order_but_three_is_refused_to_an_observer(owner: WithStation, observer: WithStation) -> None:
-    assert {type(order) for order in REFUSED} | {Verify, Recover, TakeOver} == set(ORDERS)
+    assert {type(order) for order in REFUSED} | {Verify, Recover, TakeControl} == set(HANDLERS)
     observer.hear()
     for order in REFUSED:
         assert not observer.station.post(order)
@@ -212,7 +212,7 @@ def test_an_observer_whose_screen_is_silent_stops_nobody(ready: WithStation, obs
 def test_at_rest_the_machine_is_taken_over_and_aligned_anew(
     ready: WithStation, observer: WithStation, tmp_path: Path
 ) -> None:
-    state = observer.do(TakeOver())
+    state = observer.do(TakeControl())
     assert (state.standing, state.holder) == (Standing.OWNER, observer.number)
     assert observer.on_the_card == observer.number
     assert observer.alarms == [] and state.alignment.settings == () and state.alignment.jaw is None
@@ -221,8 +221,8 @@ def test_at_rest_the_machine_is_taken_over_and_aligned_anew(
     ]
     # The drives are on, as the other one has left them, and the axes are homed.
     assert state.alignment.drives_on and state.alignment.homed
-    observer.do(SwitchOff())
-    observer.do(SwitchOn())
+    observer.do(DisableDrives())
+    observer.do(EnableDrives())
     in_a_jog(observer, lambda: None)
     assert observer.refusals == [] and observer.alarms == []
 
@@ -239,9 +239,9 @@ def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, ob
         )
     )
     assert [problem.code for problem in problems(ready.look().alignment, JOB)] == []
-    observer.do(TakeOver())
+    observer.do(TakeControl())
     ready.look()
-    ready.do(TakeOver())
+    ready.do(TakeControl())
     found = [problem.code for problem in problems(ready.state.alignment, JOB)]
     assert found == [
         "alignment.handed_over",
@@ -255,7 +255,7 @@ def test_in_motion_a_take_over_is_refused_and_nothing_is_written(
     ready: WithStation, observer: WithStation
 ) -> None:
     observer.hear()
-    in_a_jog(ready, lambda: observer.do(TakeOver()))
+    in_a_jog(ready, lambda: observer.do(TakeControl()))
     assert observer.refusals == ["owner.moving"]
     assert observer.state.standing is Standing.OBSERVER and observer.on_the_card == ready.number
     said = observer.hear()
@@ -267,7 +267,7 @@ def test_who_was_pushed_aside_says_so_once_is_disarmed_and_sends_nothing_but_sto
     sim: SimulatedLathe, ready: WithStation, observer: WithStation
 ) -> None:
     ready.place.tell(armed=armed(sim, ready))
-    observer.do(TakeOver())
+    observer.do(TakeControl())
     state = ready.look()
     assert (state.standing, state.holder, state.armed) == (Standing.OUSTED, observer.number, None)
     for _ in range(3):
@@ -292,7 +292,7 @@ def test_a_start_that_was_on_its_way_when_the_machine_was_taken_over_does_not_go
     """The order was taken, and then the other console was faster."""
     ready.place.tell(armed=armed(sim, ready))
     assert ready.station.post(Start())
-    observer.do(TakeOver())
+    observer.do(TakeControl())
     ready.hear()
     ready.look()
     assert ready.state.cut is None or ready.state.armed is None
@@ -302,9 +302,9 @@ def test_a_start_that_was_on_its_way_when_the_machine_was_taken_over_does_not_go
 
 
 def test_control_goes_back_and_forth(ready: WithStation, observer: WithStation) -> None:
-    observer.do(TakeOver())
+    observer.do(TakeControl())
     ready.look()
-    ready.do(TakeOver())
+    ready.do(TakeControl())
     assert ready.state.standing is Standing.OWNER and "owner.ousted" not in ready.alarms
     observer.look()
     assert observer.state.standing is Standing.OUSTED and observer.alarms == ["owner.ousted"]
@@ -315,7 +315,7 @@ def test_control_goes_back_and_forth(ready: WithStation, observer: WithStation) 
 def test_the_machine_of_an_owner_that_has_left_is_taken_at_once(owner: WithStation, observer: WithStation) -> None:
     owner.station.close("quit")
     assert observer.look().holder == 0
-    assert observer.do(TakeOver()).standing is Standing.OWNER
+    assert observer.do(TakeControl()).standing is Standing.OWNER
     assert observer.on_the_card == observer.number
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from console.session.errors import SessionError
 from drivers.errors import RefusedError
+from drivers.lathe.control_state import Standing
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
@@ -152,7 +152,7 @@ def test_a_dead_console_of_another_computer_is_not_replaced_unasked(
     with pytest.raises(RefusedError) as error:
         heir.owning.claim()
     assert refused(error)[0] == "owner.held"
-    heir.owning.take_over()
+    heir.owning.take_control()
     assert heir.on_the_card == heir.number
     assert logged(tmp_path / "here") == [
         f"tcp:lathe:1025 taken over: console {dead.number} -> console {heir.number}"
@@ -166,7 +166,7 @@ def test_who_came_to_a_machine_that_a_third_has_since_taken_does_not_take_it_for
     dead.owning.claim()
     dies(dead)
     third = console_of(sim, machine, tmp_path / "there")
-    third.owning.take_over()
+    third.owning.take_control()
     heir = console_of(sim, machine, tmp_path / "here")
     with pytest.raises(RefusedError) as error:
         heir.owning.claim()
@@ -185,14 +185,14 @@ def test_a_take_over_waits_for_rest(
     def asks() -> None:
         second.hear()
         with pytest.raises(RefusedError) as error:
-            second.owning.take_over()
+            second.owning.take_control()
         assert refused(error)[0] == "owner.moving"
         assert b"=" not in second.hear()
         kept.append(second.on_the_card)
 
     jogs(first, [asks])
     assert kept == [first.number]
-    second.owning.take_over()
+    second.owning.take_control()
     assert second.on_the_card == second.number
     first.lathe.snapshot()
     assert first.lathe.ownership is not None and first.lathe.ownership.standing is Standing.OUSTED
@@ -203,7 +203,7 @@ def test_who_was_pushed_aside_says_nothing_more_to_the_card_but_a_stop(
 ) -> None:
     first, second = (console_of(sim, machine, tmp_path / name) for name in ("here", "there"))
     jogs(first, [])
-    second.owning.take_over()
+    second.owning.take_control()
     first.lathe.snapshot()
     first.hear()
     first.lathe.program._to_restore = ("P1=1",)
@@ -264,7 +264,7 @@ def test_a_log_that_cannot_be_written_is_no_reason_not_to_take_over(
     (tmp_path / "ownership.log").mkdir()
     first, second = (console_of(sim, machine, tmp_path / name) for name in ("there", ""))
     first.owning.claim()
-    second.owning.take_over()
+    second.owning.take_control()
     assert second.on_the_card == second.number
 
 
@@ -275,7 +275,7 @@ def test_of_many_consoles_in_any_order_one_controls(machine: MachineProfile, tmp
     owners: set[int] = set()
     for _ in range(60):
         each = chance.choice(consoles)
-        act = chance.choice((each.owning.claim, each.owning.claim, each.owning.release, each.owning.take_over))
+        act = chance.choice((each.owning.claim, each.owning.claim, each.owning.release, each.owning.take_control))
         try:
             act()
         except RefusedError:

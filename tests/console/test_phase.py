@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.session.cut.phase import Phase, is_in_phase, phase_limit_deg
-from console.session.station.intents import Acknowledge, Recover, Retract, Start, SwitchOff
+from console.session.station.commands import Acknowledge, DisableDrives, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import Snapshot
@@ -121,7 +121,7 @@ def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(tmp_path:
     if floor.state.stop is not None:  # a cut that was not as planned is ended
         floor.do(Recover())
     floor.do(Retract())
-    floor.do(SwitchOff())
+    floor.do(DisableDrives())
     floor.set_up(job)
     cut(floor)
     assert floor.idle().alarms == ()

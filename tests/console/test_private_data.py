@@ -30,7 +30,7 @@ def takes_over(data: Path) -> None:
     machine = load_machine(MACHINE).machine
     sim = SimulatedLathe(machine)
     console_of(sim, machine, data.parent / "there", locking=False).owning.claim()
-    console_of(sim, machine, data, locking=False).owning.take_over()
+    console_of(sim, machine, data, locking=False).owning.take_control()
     assert (data / LOG_NAME).read_text(encoding="utf-8").count("\n") == 1
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.session.cut.phase import phase_of
-from console.session.station.intents import Start
+from console.session.station.commands import Start
 from console.session.station.progress import CutProgress, CutStage
 from profiles.compensations.path import LobedPath
 from tests.console.floor import experiment_1, open_floor

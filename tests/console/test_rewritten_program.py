@@ -10,7 +10,7 @@ from console.session.cut.engine import Step
 from console.session.cut.headless import cut_part
 from console.session.cut.in_process import simulated_context
 from console.session.errors import SessionError
-from console.session.station.intents import Start
+from console.session.station.commands import Start
 from drivers.cutting.planning import plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.machine import SimulatedLathe

@@ -15,8 +15,8 @@ from console.session.errors import Interrupted
 from console.session.signals import Interruption
 from console.session.station.reaching import guard, leave
 from drivers.errors import RefusedError
+from drivers.lathe.control_state import NOBODY, Standing
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import NOBODY, Standing
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
@@ -149,7 +149,7 @@ def test_who_was_pushed_aside_at_rest_ends_without_a_word(machine: MachineProfil
     interruption = Interruption()
     guard(interruption, first.lathe, sim.now_s)
     first.owning.claim()
-    second.owning.take_over()
+    second.owning.take_control()
     first.lathe.snapshot()
     first.hear()
     with pytest.raises(Interrupted):

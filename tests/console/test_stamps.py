@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import (
+from console.session.station.commands import (
     Approach,
     ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
     Home,
     Jog,
     Retract,
-    SwitchOff,
-    SwitchOn,
     TakeJaw,
 )
 from console.session.station.jogging import tool_in_part
@@ -41,9 +41,9 @@ def codes(state: StationState) -> list[str]:
 def test_before_the_touch_off_the_tip_is_known_to_its_band_only(floor: Floor) -> None:
     """The tip is 1 mm from the surface by the profile, and a touch-off may find it 1.5 mm elsewhere."""
     job = experiment_1()
-    floor.do(SwitchOff())
+    floor.do(DisableDrives())
     floor.do(ConfirmClamping(job=job))
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     floor.do(Home())
     floor.do(Approach(job=job))
     machine = floor.place.loaded_machine.machine
@@ -56,12 +56,12 @@ def test_before_the_touch_off_the_tip_is_known_to_its_band_only(floor: Floor) ->
     ("homed", "code"), [(True, "alignment.drives_off"), (False, "machine.tool_unknown")], ids=["homed", "fresh"]
 )
 def test_a_retract_without_drives_says_what_is_known_of_the_tool(floor: Floor, homed: bool, code: str) -> None:
-    floor.do(SwitchOff())
+    floor.do(DisableDrives())
     floor.do(ConfirmClamping(job=experiment_1()))
     if homed:
-        floor.do(SwitchOn())
+        floor.do(EnableDrives())
         floor.do(Home())
-        floor.do(SwitchOff())
+        floor.do(DisableDrives())
     assert codes(floor.do(Retract())) == [code]
 
 
@@ -70,17 +70,17 @@ def test_another_chuck_and_another_diameter_are_not_armed_on_the_stamps_of_befor
     first = experiment_1()
     other = replace(first, jaws=2, diameter_mm=50.0, lobe_diameter_mm=50.0)
     aligned.do(Jog(axis=AxisName.CARRIAGE, distance=-10.0))
-    aligned.do(SwitchOff())
+    aligned.do(DisableDrives())
     aligned.do(ConfirmClamping(job=other))
-    aligned.do(SwitchOn())
+    aligned.do(EnableDrives())
     refused = codes(aligned.arm(other))
     assert refused == ["alignment.jaws_changed", "alignment.no_jaw", "alignment.touched_otherwise"]
     aligned.do(TakeJaw())
     jaw = aligned.state.alignment.jaw
     assert jaw is not None and jaw.jaws == 2
     assert codes(aligned.arm(other)) == ["alignment.touched_otherwise"]
-    aligned.do(SwitchOff())
+    aligned.do(DisableDrives())
     aligned.do(ConfirmClamping(job=first))
-    aligned.do(SwitchOn())
+    aligned.do(EnableDrives())
     # The touch-off was not taken anew, and is that of this diameter.
     assert codes(aligned.arm(first)) == ["alignment.jaws_changed", "alignment.no_jaw"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import Acknowledge, Home, Jog, Recover, SwitchOff, SwitchOn
+from console.session.station.commands import Acknowledge, DisableDrives, EnableDrives, Home, Jog, Recover
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName
 from tests.console.floor import Floor, open_floor
@@ -18,8 +18,8 @@ OFF = Jog(axis=AxisName.CARRIAGE, distance=-1.0)
 def standing(tmp_path: Path) -> Floor:
     """The carriage is homed, and stands on its positive limit switch."""
     floor = open_floor(tmp_path)
-    floor.do(SwitchOff())
-    floor.do(SwitchOn())
+    floor.do(DisableDrives())
+    floor.do(EnableDrives())
     floor.do(Home())
     floor.do(Jog(axis=AxisName.CARRIAGE, distance=10.0))
     floor.sim.faults.ask("limit", {"motor": "carriage", "direction": "positive"})
@@ -73,8 +73,8 @@ def test_a_limit_that_was_acknowledged_stays_so_until_it_is_left(standing: Floor
 def test_a_fault_of_an_amplifier_is_one_alarm_until_the_drives_are_on_again(tmp_path: Path, axis: str) -> None:
     """It ends a jog: the motion, the stop and the look behind it tell of one and the same thing."""
     floor = open_floor(tmp_path)
-    floor.do(SwitchOff())
-    floor.do(SwitchOn())
+    floor.do(DisableDrives())
+    floor.do(EnableDrives())
     floor.do(Home())
 
     def trip() -> None:
@@ -90,5 +90,5 @@ def test_a_fault_of_an_amplifier_is_one_alarm_until_the_drives_are_on_again(tmp_
     floor.idle()
     assert told(floor) == [("jog carriage", fault, 1, True)]
     floor.sim.faults.clear()
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     assert floor.idle().alarms == ()

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import (
+from console.session.station.commands import (
     Approach,
     ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
+    EndCut,
     Forget,
-    Hold,
     Home,
     Jog,
     Measure,
     Recover,
     Retract,
     Start,
-    SwitchOff,
-    SwitchOn,
     TakeTouchOff,
 )
 from console.session.station.progress import CutStage
@@ -48,7 +48,7 @@ def codes(state: StationState) -> list[str]:
 
 
 def hold(floor: Floor) -> None:
-    assert floor.station.post(Hold())
+    assert floor.station.post(EndCut())
 
 
 def in_the_part(floor: Floor, turn: float = 20.0) -> bool:
@@ -218,7 +218,7 @@ def test_a_measured_part_is_not_in_the_chuck_any_more(aligned: Floor) -> None:
     aligned.arm(experiment_1())
     aligned.do(Start())
     before = aligned.do(Measure()).seen
-    aligned.do(SwitchOn())
+    aligned.do(EnableDrives())
     aligned.do(Approach(job=experiment_1()))
     after = aligned.idle().seen
     assert after is not None and after.tool_gap_mm is None
@@ -238,9 +238,9 @@ def test_a_hold_leaves_whole_turns_and_the_tool_out(aligned: Floor) -> None:
 
 
 def test_an_order_is_refused_while_another_is_carried_out(floor: Floor) -> None:
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     answers: list[bool] = []
-    floor.when(lambda s: s.moving, lambda: answers.append(floor.station.post(SwitchOff())))
+    floor.when(lambda s: s.moving, lambda: answers.append(floor.station.post(DisableDrives())))
     state = floor.do(Home())
     assert answers == [False]
     assert state.alignment.homed and state.alignment.drives_on
@@ -255,7 +255,7 @@ def test_a_screen_that_is_silent_in_a_cut_stops_the_machine(aligned: Floor) -> N
 
 
 def test_hands_and_drives_do_not_meet(floor: Floor) -> None:
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     assert codes(floor.do(ConfirmClamping(job=experiment_1()))) == ["alignment.drives_on"]
 
 
@@ -266,7 +266,7 @@ def test_a_part_clamped_with_another_force_is_not_confirmed(floor: Floor) -> Non
 
 
 def test_a_jog_before_home_is_refused(floor: Floor) -> None:
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     assert codes(floor.do(Jog(axis=AxisName.TOOL, distance=0.1))) == ["alignment.not_homed"]
     assert floor.state.stop is None
 
@@ -298,13 +298,13 @@ def test_a_stop_at_rest_is_proven_and_taken_back(floor: Floor) -> None:
 
 
 def test_the_zeros_survive_drives_off_between_parts(aligned: Floor) -> None:
-    aligned.do(SwitchOff())
+    aligned.do(DisableDrives())
     state = aligned.state
     assert not state.alignment.drives_on and state.alignment.jaw is not None and state.alignment.homed
 
 
 def test_leaving_in_mid_motion_stops_and_switches_off(floor: Floor) -> None:
-    floor.do(SwitchOn())
+    floor.do(EnableDrives())
     floor.station.close("SIGHUP")
     snapshot = floor.lathe.snapshot()
     assert snapshot.at_rest and snapshot.loops_open
@@ -349,7 +349,7 @@ def test_a_second_part_begins_from_the_nearest_turn(aligned: Floor) -> None:
     aligned.do(Start())
     aligned.do(Measure())
     aligned.do(ConfirmClamping(job=job))
-    aligned.do(SwitchOn())
+    aligned.do(EnableDrives())
     aligned.arm(job)
     turns = [aligned.lathe.snapshot().spindle.position / 10_000.0]
     aligned.looks.append(lambda s: turns.append(s.spindle.position / 10_000.0))
@@ -371,7 +371,7 @@ def test_with_another_job_on_the_screen_the_tool_is_still_in_the_part(aligned: F
     aligned.when(lambda _: in_the_part(aligned), lambda: aligned.stop.stop("space"))
     aligned.do(Start())
     aligned.do(Recover())
-    aligned.do(SwitchOff())
+    aligned.do(DisableDrives())
     other = replace(experiment_1(), diameter_mm=35.0)
     assert codes(aligned.do(ConfirmClamping(job=other))) == ["machine.tool_in_part"]
 
@@ -400,7 +400,7 @@ def test_drives_are_switched_on_all_or_none(floor: Floor, monkeypatch: pytest.Mo
         raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "for the test")
 
     monkeypatch.setattr(floor.sim.controller.motors[2], "jog_speed", refuse)
-    state = floor.do(SwitchOn())
+    state = floor.do(EnableDrives())
     assert codes(state) == ["controller.err001"]
     assert floor.lathe.snapshot().loops_open
 

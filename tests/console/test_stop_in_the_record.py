@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import Recover, Start
+from console.session.station.commands import Recover, Start
 from console.session.station.progress import CutStage
 from drivers.errors import LinkError
 from profiles.problem import Problem

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.station.intents import Recover, Retract, Start
+from console.session.station.commands import Recover, Retract, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity
 from drivers.cutting.planning import Strategy

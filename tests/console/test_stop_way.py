@@ -11,7 +11,7 @@ import pytest
 from console.cli.machine.card_access import Card
 from console.cli.machine.stop_checks import keep_stops, stop_checks
 from console.session.data.stop_records import load
-from console.session.station.intents import Start
+from console.session.station.commands import Start
 from drivers.commissioning.proofs.proving import Proven
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.link.base import StopWay

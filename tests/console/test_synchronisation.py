@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.station.intents import Start
+from console.session.station.commands import Start
 from console.session.station.progress import CutProgress, CutStage, CutWatch, Synchronisation, before_part, in_part
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import driven_axes

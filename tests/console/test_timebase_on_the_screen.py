@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import Disarm, Recover, Retract, Start
+from console.session.station.commands import Disarm, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
 from tests.console.floor import Floor, experiment_1, open_floor

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from drivers.commissioning.check import Check
-from drivers.commissioning.proofs.bench import ProofBench
+from drivers.commissioning.proofs.bench import TestRig
 from drivers.commissioning.verification import Verification, verify
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
@@ -95,10 +95,10 @@ class Commissioned:
 
         monkeypatch.setattr(self.client, "query", newer)
 
-    def bench(self) -> ProofBench:
+    def bench(self) -> TestRig:
         """What the proofs work with."""
         judged = self.verify().judged
-        return ProofBench(client=self.client, stop=self.stop, clock=self.sim, judged=judged)
+        return TestRig(client=self.client, stop=self.stop, clock=self.sim, judged=judged)
 
     def verify(self) -> Verification:
         return verify(self.client, self.machine, self.dialect)

@@ -100,7 +100,7 @@ def test_what_was_ended_is_acknowledged_before_anything_moves_again(kept: Kept) 
     kept.stop.stop("heartbeat")
     kept.lathe.wait_for_rest()
     kept.stop.release()
-    kept.lathe.hands_clear()
+    kept.lathe.confirm_nobody_inside()
     with pytest.raises(RefusedError) as refused:
         kept.lathe.enable()
     assert code(refused) == "heartbeat.lost"

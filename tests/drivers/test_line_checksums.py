@@ -101,13 +101,13 @@ def bench(family: str, *, drives: bool = True) -> Bench:
     return Bench(sim=sim, line=line, client=client, stop=stop, lathe=lathe)
 
 
-ORDERS: dict[str, Callable[[Bench], None]] = {
+HANDLERS: dict[str, Callable[[Bench], None]] = {
     "jog": lambda made: made.lathe.jog_to(AxisName.TOOL, -500.0),
     "home": lambda made: made.lathe.home(),
     "drives on": lambda made: made.lathe.enable(),
     "start": lambda made: made.lathe.program.start(77, 0.0),
 }
-every_order = pytest.mark.parametrize("order", list(ORDERS))
+every_order = pytest.mark.parametrize("order", list(HANDLERS))
 
 
 def codes(error: pytest.ExceptionInfo[DriverError]) -> list[str]:
@@ -166,7 +166,7 @@ def test_a_line_with_one_wrong_character_moves_nothing_and_is_named(
     made = kept(family)
     met = once(made, changed(place, how, code))
     with made.unmoved(), pytest.raises(RefusedError) as told:
-        ORDERS[order](made)
+        HANDLERS[order](made)
     assert codes(told) == ["link.line_differs"]
     assert told.value.problems[0].key == text_of(met)
     assert made.stop.reason is None
@@ -178,7 +178,7 @@ def test_a_line_with_one_wrong_character_moves_nothing_and_is_named(
 @every_order
 def test_a_line_that_arrives_as_it_was_sent_is_carried_out_once(family: str, order: str) -> None:
     made = bench(family)
-    ORDERS[order](made)
+    HANDLERS[order](made)
     places = [place for place, data in enumerate(made.line.sent) if MOTION.search(data)]
     assert len(places) == (1 if order in ("jog", "start") else 3)
     for place in places:

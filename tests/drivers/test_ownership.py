@@ -7,8 +7,8 @@ from random import Random
 import pytest
 
 from drivers.errors import RefusedError
+from drivers.lathe.control_state import Standing
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.standing import Standing
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
@@ -60,9 +60,9 @@ def test_a_take_over_needs_rest_and_is_seen_by_who_was_pushed_aside(sim: Simulat
     first, second = console(sim, 1), console(sim, 2)
     first.claim()
     with pytest.raises(RefusedError) as refused:
-        second.take_over(at_rest=False)
+        second.take_control(at_rest=False)
     assert refusal(refused) == "owner.moving"
-    assert second.take_over(at_rest=True) == first.number
+    assert second.take_control(at_rest=True) == first.number
     first.see(second.number)
     assert first.standing is Standing.OUSTED
     with pytest.raises(RefusedError) as refused:

@@ -226,7 +226,7 @@ def test_a_stop_pressed_during_the_last_look_of_a_proof_is_not_proven_by_it(clos
             closed.stop.stop("at the last moment")
 
     closed.stop.stop("operator")
-    closed.lathe._looks._seen = press
+    closed.lathe._poller._seen = press
     closed.lathe.wait_for_rest()
     assert len(answers) == 7, "the fourth look would have been the last"
     assert closed.stop.proven
@@ -267,7 +267,7 @@ def test_switching_off_opens_all_loops_and_is_no_stop(closed: Bench) -> None:
     closed.stop.release()
     assert refusal(closed.lathe.enable).code == "machine.hands_in"
     assert not any(motor.enabled for motor in closed.sim.controller.motors.values())
-    closed.lathe.hands_clear()
+    closed.lathe.confirm_nobody_inside()
     closed.lathe.enable()
     assert closed.lathe.snapshot().loops_closed
 

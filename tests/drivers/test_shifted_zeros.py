@@ -17,7 +17,7 @@ def another_sends_at(site: Site, counts: float, line: bytes) -> None:
     sent: list[bytes] = []
 
     def see(snapshot: object) -> None:
-        position = site.lathe._looks.last.spindle.position if site.lathe._looks.last else 0.0
+        position = site.lathe._poller.last.spindle.position if site.lathe._poller.last else 0.0
         if position > counts and not sent:
             sent.append(line)
             site.clock.connect().receive(line)  # type: ignore[attr-defined]

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.control_state import NOBODY, Standing
 from drivers.lathe.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
-from drivers.lathe.standing import NOBODY, Standing
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
@@ -109,7 +109,7 @@ def test_who_leaves_a_machine_that_is_being_taken_over_does_not_free_it(floor: F
     for order in sorted(set(permutations((0, 0, 1, 1, 2, 2)))):
         before, *takers = consoles = floor.consoles(3)
         before.claim()
-        floor.at_once([before.release, *(partial(each.take_over, at_rest=True) for each in takers)], order)
+        floor.at_once([before.release, *(partial(each.take_control, at_rest=True) for each in takers)], order)
         for each in takers:
             each.see(floor.holder)
         assert owners(consoles) == [floor.holder], order
@@ -117,7 +117,7 @@ def test_who_leaves_a_machine_that_is_being_taken_over_does_not_free_it(floor: F
 
 def test_of_two_who_take_it_from_the_same_one_the_second_is_refused(floor: Floor) -> None:
     _, *takers = floor.consoles(3, held=4711)
-    floor.at_once([lambda: None, *(partial(each.take_over, at_rest=True) for each in takers)], (1, 2, 1, 2))
+    floor.at_once([lambda: None, *(partial(each.take_control, at_rest=True) for each in takers)], (1, 2, 1, 2))
     assert owners(takers) == [floor.holder] == [takers[0].number]
 
 
@@ -160,7 +160,7 @@ def test_whatever_somebody_has_saved_there_is_taken_over_as_it_is(floor: Floor, 
     with pytest.raises(DriverError):
         console.claim()
     assert floor.clients[0].numbers(OWNER_ITEM) == (garbage,)
-    console.take_over(at_rest=True)
+    console.take_control(at_rest=True)
     assert (console.standing, floor.holder) == (Standing.OWNER, console.number)
 
 

@@ -218,9 +218,9 @@ def test_what_is_sent_for_each_state_of_the_drives() -> None:
 def test_with_hands_in_the_machine_a_stop_opens_loops_that_are_said_to_be_closed() -> None:
     wire = Wire()
     stop = StopPath(wire)
-    stop.loops_closed = stop.hands_in = True
+    stop.loops_closed = stop.inside_guard = True
     stop.stop("hands")
-    stop.hands_in = False
+    stop.inside_guard = False
     stop.stop("they are out, and the kill is still in force")
     assert wire.urgent == [b"\x0b", b"\x0b"]
 

@@ -25,8 +25,8 @@ from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.friction import DrySlide
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.radial_error import RadialError
-from drivers.simulator.plant.shop_floor import ShopFloor
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from drivers.simulator.plant.workshop import SimulatedWorkshop
 from profiles.axis.servo import sampled_response
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -171,7 +171,7 @@ def test_the_axis_of_the_spindle_wanders_by_what_is_said() -> None:
 def turned_round(machine: MachineProfile, true: TrueParameters, job: Job) -> Trace:
     """The part that a tool leaves which stands still at its depth while the middle of the cut goes by."""
     drives = build_drives(machine, true, settings_with(machine.controller.variables))
-    floor = ShopFloor(machine, true, drives)
+    floor = SimulatedWorkshop(machine, true, drives)
     floor.mount(job)
     middle_mm = true.jaw_face_mm - job.overhang_mm + 0.5 * job.cut_length_mm
     cycles = round(40 / (job.spindle_speed_rpm / 60 * CYCLE_S))

@@ -11,8 +11,8 @@ import pytest
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.presets import plant_named
-from drivers.simulator.plant.shop_view import ShopView
 from drivers.simulator.plant.true_parameters import ideal
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.roundness import evaluate
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def homed(bench: Bench) -> Bench:
     return bench
 
 
-def tool_at(bench: Bench, radius_mm: float, z_mm: float, home_radius_mm: float = 76.0) -> ShopView:
+def tool_at(bench: Bench, radius_mm: float, z_mm: float, home_radius_mm: float = 76.0) -> WorkshopView:
     """Jog the tool tip, carriage first, and look."""
     bench.carriage_to(z_mm * CARRIAGE_COUNTS_PER_MM)
     bench.lathe.jog_to(AxisName.TOOL, (home_radius_mm - radius_mm) * TOOL_COUNTS_PER_MM)
@@ -53,7 +53,7 @@ def test_before_homing_the_chuck_stands_where_it_was_left(
     """The spindle was left at 0.3456 turns, 124.42 deg, and the card calls that 0."""
     bench = bench_with(replace(ideal(machine), jaw_1_deg=100.0))
     assert bench.number("#2P") == 0
-    assert bench.sim.look() == ShopView(jaw_1_past_mark_deg=24.42, tool_gap_mm=None)
+    assert bench.sim.look() == WorkshopView(jaw_1_past_mark_deg=24.42, tool_gap_mm=None)
 
 
 def test_jaw_1_meets_the_mark_at_its_true_angle(machine: MachineProfile, bench_with: TrueBenchMaker) -> None:

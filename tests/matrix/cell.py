@@ -11,8 +11,8 @@ import pytest
 
 from console.session.cut.context import Workshop
 from console.session.errors import SessionError
-from console.session.station.intents import Measure
-from console.session.station.orders import measure
+from console.session.station.commands import Measure
+from console.session.station.handlers import measure
 from console.session.station.state import Activity
 from drivers.cutting.planning import Strategy
 from tests.branching import Branching

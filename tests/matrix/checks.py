@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from console.session.station.state import STALE_S
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.pmac.foreseen import foresee
+from drivers.pmac.expected_replies import foresee
 from tests.matrix.faults import Row
 from tests.matrix.rig import Watched
 from tests.matrix.truth import MOTORS, Moment, Sent

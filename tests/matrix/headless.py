@@ -20,7 +20,7 @@ from console.session.station.reaching import guard, leave
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.problem import ProblemError
 from profiles.traces import Trace
@@ -157,7 +157,7 @@ class Made:
         self.measured = True
         return cast(Trace, None)
 
-    def look(self) -> ShopView:
+    def look(self) -> WorkshopView:
         return self.watched.sim.look()
 
     def set_spindle(self, rpm: float | None) -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 from random import Random
 
 from console.session.data import record_file
+from console.session.station.context import StationContext
 from console.session.station.owning import Owning
 from console.session.station.state import StationState
 from console.session.station.station import Station
-from console.session.station.workplace import Workplace
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -44,7 +44,7 @@ class Rig(Watched):
     """A station at it; `looks` are called before the station sees one."""
 
     station: Station
-    place: Workplace
+    place: StationContext
 
     @property
     def state(self) -> StationState:
@@ -105,7 +105,7 @@ def build_rig(records: Path) -> Rig:
     """Put lathe and station together as a screen has them, with a heartbeat; nothing is connected yet."""
     watched = build_watched()
     looks: list[Callable[[Snapshot], None]] = []
-    place = Workplace(
+    place = StationContext(
         lathe=watched.lathe,
         owning=Owning(watched.lathe, watched.wire.address, records),
         machine=compact_machine(),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from console.session.cut.alignment import JawAngle, TouchOff, clamping_of
-from console.session.station.intents import Arm, Home, Intent, Jog, Start, SwitchOff, SwitchOn
+from console.session.station.commands import Arm, Command, DisableDrives, EnableDrives, Home, Jog, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity
 from drivers.cutting.planning import Strategy
@@ -64,7 +64,7 @@ def enter(situation: Situation, begun: Begun) -> None:
     """Bring the station there, have the fault happen, and let what is being carried out come to its end."""
     rig = begun.rig
     assert rig.station.connect()
-    _do(rig, SwitchOff())
+    _do(rig, DisableDrives())
     if situation is not Situation.OFF:
         _switch_on(rig)
     if begun.early:
@@ -73,14 +73,14 @@ def enter(situation: Situation, begun: Begun) -> None:
     assert begun.at_s is not None, "the fault has not happened"
 
 
-def _do(rig: Rig, order: Intent) -> None:
+def _do(rig: Rig, order: Command) -> None:
     assert rig.station.post(order), rig.state.refusals
     rig.station.step()
 
 
 def _switch_on(rig: Rig) -> None:
     """Drives on, and everything known that an alignment finds out."""
-    _do(rig, SwitchOn())
+    _do(rig, EnableDrives())
     for motor in rig.sim.controller.motors.values():
         motor.home_zero()
     job, machine = short_job(), compact_machine().machine

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.station.intents import Intent, Jog, Start
+from console.session.station.commands import Command, Jog, Start
 from drivers.lathe.snapshot import AxisName
 from tests.matrix.checks import JITTER, way
 from tests.matrix.faults import Row
@@ -17,7 +17,7 @@ from tests.matrix.truth import MOTORS
 JOG = Jog(axis=AxisName.CARRIAGE, distance=1.0)
 
 
-def refusals(situation: Situation, order: Intent, line: str, records: Path) -> tuple[str, ...]:
+def refusals(situation: Situation, order: Command, line: str, records: Path) -> tuple[str, ...]:
     """Give an order after a stranger's line; return why it is refused. Nothing may have moved."""
     rig = build_rig(records)
     row = Row(name="", fault="stranger-writes", given={"line": line})
@@ -54,6 +54,6 @@ def refusals(situation: Situation, order: Intent, line: str, records: Path) -> t
     ],
 )
 def test_after_a_stranger_the_next_motion_is_refused(
-    situation: Situation, order: Intent, line: str, code: str, tmp_path: Path
+    situation: Situation, order: Command, line: str, code: str, tmp_path: Path
 ) -> None:
     assert code in refusals(situation, order, line, tmp_path)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from console.session.cut import planning
-from console.session.station.intents import Hold, Jog
+from console.session.station.commands import EndCut, Jog
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.heartbeat.plc import Policy
@@ -112,7 +112,7 @@ def test_a_hold_is_passed_on_also_when_the_lease_of_a_cut_that_goes_on_has_run_o
     def ask(_: Snapshot) -> None:
         if begun.at_s is not None and not asked_s and rig.sim.now_s() > begun.at_s + 0.5:
             asked_s.append(rig.sim.now_s())
-            assert rig.station.post(Hold())
+            assert rig.station.post(EndCut())
 
     begun = Begun(rig=rig, fault=lambda: rig.sim.wait(0.45))  # this host sleeps longer than a lease
     rig.looks.append(ask)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from console.session.cut import planning
-from console.session.station.intents import Home, Intent, Jog, Start, SwitchOff, SwitchOn
+from console.session.station.commands import Command, DisableDrives, EnableDrives, Home, Jog, Start
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName
 from tests.matrix import rig as rigs
@@ -50,7 +50,7 @@ def told(rig: Rig) -> list[tuple[str, str]]:
     return [(alarm.problem.code, alarm.problem.key) for alarm in rig.state.alarms if alarm.active]
 
 
-def ordered(rig: Rig, order: Intent) -> tuple[list[Kind], list[tuple[str, str]]]:
+def ordered(rig: Rig, order: Command) -> tuple[list[Kind], list[tuple[str, str]]]:
     """Give an order; return what was sent for it, looks apart, and why it was refused."""
     sent = len(rig.wire.sent)
     assert rig.station.post(order), rig.state.refusals
@@ -69,7 +69,7 @@ def test_what_moves_is_ended_and_the_device_is_told(rig: Rig, situation: Situati
 def test_with_the_drives_on_it_is_told_and_nothing_moves_until_it_is_well_again(rig: Rig) -> None:
     drops(rig, Situation.IDLE)
     assert (rig.state.activity, told(rig), rig.state.stop) == (Activity.READY, [TOLD], None)
-    for order in (JOG, Home(), SwitchOn()):
+    for order in (JOG, Home(), EnableDrives()):
         assert ordered(rig, order) == ([], [TOLD])
     write(rig, CLOSED)
     rig.step()
@@ -101,5 +101,5 @@ def test_one_that_takes_the_drives_with_it_is_told(rig: Rig) -> None:
 def test_with_the_drives_off_a_guard_may_be_open_but_they_stay_off(rig: Rig) -> None:
     drops(rig, Situation.OFF)
     assert (rig.state.activity, told(rig)) == (Activity.READY, [])
-    assert ordered(rig, SwitchOn()) == ([], [TOLD])
-    assert ordered(rig, SwitchOff())[1] == []
+    assert ordered(rig, EnableDrives()) == ([], [TOLD])
+    assert ordered(rig, DisableDrives())[1] == []

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from profiles.calibration.lobe import find_lobe
 from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
-from profiles.compensations.next_version import CutWith, Lesson, Verdict, next_version
+from profiles.compensations.next_version import CutWith, LearningStep, Verdict, next_version
 from profiles.compensations.part_waves import PartWaves, part_waves
 from profiles.compensations.path import CutPath, expected, invert, share_of, wanted_path
 from profiles.compensations.uncompensated import uncompensated
@@ -71,7 +71,7 @@ def taught(
     gain: float | None = None,
     scatter_um: float = 0.0,
     orders: tuple[int, ...] = (3, 6, 9),
-) -> Lesson:
+) -> LearningStep:
     number = 1 if cut.version is None else cut.version.version + 1
     return next_version(
         cut,

@@ -170,7 +170,7 @@ def is_killed_and_switched_off(site: Site) -> None:
     lathe.switch_off()
     assert lathe.snapshot().loops_open
     assert refused(lathe.enable) == "machine.hands_in"
-    lathe.hands_clear()
+    lathe.confirm_nobody_inside()
     lathe.release()
     assert lathe.snapshot().owner == 0
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from console.session.cut.alignment import Alignment
-from console.session.station.intents import Intent
+from console.session.station.commands import Command
 from console.session.station.state import Activity, StationState
 from console.tui.pages.align import AlignPage
 from drivers.lathe.snapshot import Snapshot
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.machine_states import CLAMPED, ON, REST, aligned, look_at
 from tests.tui.page_stage import shown_on
 from tests.tui.stage import FixedControl, desk_for, experiment
@@ -24,7 +24,7 @@ OFF = REST | {"open_loop"}
 TOOL_COUNTS, SPINDLE_COUNTS = 250_000.0, 10_350.0
 VALID = aligned(76.5)
 NO_JAW = replace(VALID, jaw=None, touch_off=None)
-NEAR, FAR = (ShopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=0.25) for past_deg in (0.04, 12.34))
+NEAR, FAR = (WorkshopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=0.25) for past_deg in (0.04, 12.34))
 
 
 def look(
@@ -61,7 +61,7 @@ shown = partial(shown_on, AlignPage)
 class Pressed:
     """What was ordered, and what the last key was answered."""
 
-    orders: Sequence[Intent]
+    orders: Sequence[Command]
     said: Sequence[str]
 
 

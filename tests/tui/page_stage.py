@@ -10,12 +10,12 @@ from typing import TypeVar
 
 from textual.pilot import Pilot
 
-from console.session.station.intents import Intent
+from console.session.station.commands import Command
 from console.session.station.state import Activity, StationState
 from console.session.work import Work
-from console.tui.desk import View
 from console.tui.keymap import PageName
 from console.tui.page import Page
+from console.tui.ui_context import View
 from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, desk_for, experiment, grid
 
 READY = StationState(activity=Activity.READY)
@@ -27,7 +27,7 @@ class Shown:
 
     text: str
     next_step: str
-    orders: Sequence[Intent]
+    orders: Sequence[Command]
     stops: Sequence[str]
     said: Sequence[str]
 

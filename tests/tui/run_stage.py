@@ -19,8 +19,8 @@ from console.session.station.progress import CutProgress, CutStage, Synchronisat
 from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, StationState, StopState, TouchedBlank
 from console.session.work import Work
-from console.tui.desk import View
 from console.tui.pages.run import RunPage
+from console.tui.ui_context import View
 from drivers.lathe.snapshot import Snapshot
 from profiles.machine import SAFETY_DEVICES
 from tests.tui.machine_states import ON, REST, aligned, look_at

@@ -19,8 +19,8 @@ from console.session.cut.phase import Phase
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
 from console.session.data.made_parts import MadeWith
-from console.session.learning.lessons import taught_by
-from console.session.learning.part_lesson import PartLesson
+from console.session.learning.learning_steps import taught_by
+from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
 from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, MeasuredPart, StationState
@@ -33,7 +33,7 @@ from console.tui.theme import COLOUR, Palette
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.preview.preview import Preview, preview
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, load_machine, save_job
@@ -104,8 +104,8 @@ def signed() -> Work:
     return replace(work, loaded=replace(work.loaded, sha256=SHA256))
 
 
-def seen() -> ShopView:
-    return ShopView(jaw_1_past_mark_deg=-17.36, tool_gap_mm=1.043)
+def seen() -> WorkshopView:
+    return WorkshopView(jaw_1_past_mark_deg=-17.36, tool_gap_mm=1.043)
 
 
 def machine(activity: Activity) -> StationState:
@@ -192,7 +192,7 @@ def taught(part: MeasuredPart) -> MeasuredPart:
     found = taught_by(
         trace, work.loaded, work.machine, Path("/nowhere"), made, gain=None, robust=False, date=CLOCK.isoformat()
     )
-    return replace(part, lesson=PartLesson(made=made, taught=found))
+    return replace(part, lesson=PartLearning(made=made, taught=found))
 
 
 @cache

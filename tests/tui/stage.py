@@ -7,14 +7,14 @@ from pathlib import Path
 
 from textual.app import App, ComposeResult
 
-from console.session.station.intents import Intent
+from console.session.station.commands import Command
 from console.session.station.state import StationState
 from console.session.work import Work, opened
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
-from console.tui.desk import Desk, View
 from console.tui.page import Page
 from console.tui.theme import COLOUR, DARK_THEME
+from console.tui.ui_context import UiContext, View
 from profiles.store import load_job, load_machine
 
 SIZES = ((80, 24), (100, 30), (160, 48))
@@ -29,7 +29,7 @@ class FixedControl:
 
     def __init__(self, state: StationState, now_s: float = 100.0) -> None:
         self.state = state
-        self.orders: list[Intent] = []
+        self.orders: list[Command] = []
         self.stops: list[str] = []
         self.kills: list[str] = []
         self._now_s = now_s
@@ -41,7 +41,7 @@ class FixedControl:
         """Set machine time."""
         self._now_s = now_s
 
-    def post(self, intent: Intent) -> bool:
+    def post(self, intent: Command) -> bool:
         self.orders.append(intent)
         return True
 
@@ -60,8 +60,8 @@ def experiment() -> Work:
     return opened(load_job(EXPERIMENT), load_machine(MACHINE))
 
 
-def desk_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> Desk:
-    desk = Desk(
+def desk_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> UiContext:
+    desk = UiContext(
         text=load(language),
         palette=COLOUR,
         control=control,

@@ -10,24 +10,24 @@ from typing import Any
 import pytest
 
 from console.session.cut.alignment import Alignment, TouchOff
-from console.session.station.intents import (
+from console.session.station.commands import (
     Approach,
+    Command,
     ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
     Forget,
     Home,
-    Intent,
     Jog,
-    SwitchOff,
-    SwitchOn,
     TakeJaw,
     TakeTouchOff,
     Verify,
 )
 from console.session.station.state import Activity, StationState, StopState
-from console.tui.desk import View
 from console.tui.pages.align import AlignPage
+from console.tui.ui_context import View
 from drivers.lathe.snapshot import AxisName
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.align_stage import (
     FAR,
     IN_PART,
@@ -53,15 +53,15 @@ STOPPED = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5)
     ("alignment", "flags", "order"),
     [
         (Alignment(), OFF, Verify()),
-        (Alignment(settings=(), drives_on=True), ON, SwitchOff()),
-        (Alignment(settings=(), clamping=CLAMPED), OFF, SwitchOn()),
+        (Alignment(settings=(), drives_on=True), ON, DisableDrives()),
+        (Alignment(settings=(), clamping=CLAMPED), OFF, EnableDrives()),
         (Alignment(settings=(), clamping=CLAMPED, drives_on=True), ON, Home()),
         (replace(NO_JAW, jaw=JAW), ON, Approach(job=experiment().job)),
     ],
     ids=["verify", "hands need the drives off", "drives", "home", "touch off"],
 )
 def test_f4_does_the_step_that_the_machine_does(
-    alignment: Alignment, flags: frozenset[str], order: Intent
+    alignment: Alignment, flags: frozenset[str], order: Command
 ) -> None:
     page = shown(state(alignment, snapshot=look(flags)), "align.step")
     assert (page.orders, page.said) == ([order], [])
@@ -90,7 +90,7 @@ def test_f4_says_where_it_does_nothing(alignment: Alignment, flags: frozenset[st
     ],
     ids=["clamp", "another blank", "jaw", "touch off"],
 )
-def test_enter_takes_what_hands_have_done(alignment: Alignment, flags: frozenset[str], order: Intent) -> None:
+def test_enter_takes_what_hands_have_done(alignment: Alignment, flags: frozenset[str], order: Command) -> None:
     page = shown(state(alignment, snapshot=look(flags, carriage_mm=172.0), seen=NEAR), "align.take")
     assert (page.orders, page.said) == ([order], [])
 
@@ -111,7 +111,7 @@ def test_another_force_than_the_measured_one_is_not_clamped() -> None:
 
 def test_without_a_job_only_what_needs_none() -> None:
     idle = state(Alignment(settings=(), clamping=CLAMPED), snapshot=look(OFF))
-    assert shown(idle, "align.step", no_job=True).orders == [SwitchOn()]
+    assert shown(idle, "align.step", no_job=True).orders == [EnableDrives()]
     page = shown(state(), "align.take", "align.step", "align.enable", "align.in", no_job=True)
     assert page.orders == [Jog(axis=AxisName.TOOL, distance=0.01)]
     assert page.next_step == "Open a job first: 1."
@@ -144,7 +144,7 @@ def test_b_goes_back_without_a_job_too() -> None:
     "beside",
     [
         # The part begins at 170 mm, the tool is at 41.2 mm; what an eye sees at the simulator changes nothing.
-        state(replace(NO_JAW, jaw=JAW), seen=ShopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=None)),
+        state(replace(NO_JAW, jaw=JAW), seen=WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=None)),
         state(replace(NO_JAW, jaw=JAW), seen=NEAR),
         state(replace(NO_JAW, jaw=JAW), simulated=False, seen=None),
     ],
@@ -170,9 +170,9 @@ def test_jaw_1_far_from_the_mark_is_taken_only_when_asked_again() -> None:
 
 
 def test_jaw_1_near_the_mark_is_taken_at_once() -> None:
-    assert later(state(seen=ShopView(jaw_1_past_mark_deg=-0.9, tool_gap_mm=None)), (0.0, "align.take")).orders == [
-        TakeJaw()
-    ]
+    assert later(
+        state(seen=WorkshopView(jaw_1_past_mark_deg=-0.9, tool_gap_mm=None)), (0.0, "align.take")
+    ).orders == [TakeJaw()]
 
 
 def test_a_key_says_of_a_lost_machine_that_it_is_lost() -> None:
@@ -188,7 +188,7 @@ def test_the_tool_in_the_clamped_part_is_in_it_whatever_job_is_open() -> None:
     assert "in or at the part" in clamp.next_step
     assert "hands out; F4: drives on" in words_of(clamp.text)
     # It can be jogged out only with its drive on.
-    assert shown(state(OTHER, snapshot=off), "align.step").orders == [SwitchOn()]
+    assert shown(state(OTHER, snapshot=off), "align.step").orders == [EnableDrives()]
     on = shown(state(OTHER, snapshot=IN_PART), "align.step")
     assert (on.orders, on.said) == ([], ["machine.tool_in_part"])
     assert "jog it out" in on.next_step
@@ -383,7 +383,7 @@ def test_leaving_in_mid_step_stops() -> None:
 
 
 def test_the_drives_go_off_at_rest() -> None:
-    assert shown(state(), "align.off").orders == [SwitchOff()]
+    assert shown(state(), "align.off").orders == [DisableDrives()]
     assert shown(state(snapshot=look(OFF)), "align.off").said == ["screen.drives_are_off"]
 
 

@@ -14,10 +14,10 @@ from console.session.cut.alignment import Alignment
 from console.session.station.state import Activity, StationState, StopState
 from console.session.work import edited
 from console.text.catalogue import load
-from console.tui.desk import View
 from console.tui.pages.align import AlignPage
 from console.tui.pages.jog_lines import jaw_words
-from drivers.simulator.plant.shop_view import ShopView
+from console.tui.ui_context import View
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.store import load_machine
 from tests.tui.align_stage import (
     IN_PART,
@@ -159,10 +159,10 @@ def test_what_is_seen_is_told_as_simulated() -> None:
     text = shown(state()).text
     assert "SIM jaw 1 is 12.34° past the mark" in text
     assert "SIM gap tool to part 0.250 mm" in text
-    touching = shown(state(seen=ShopView(jaw_1_past_mark_deg=-0.5, tool_gap_mm=-0.002))).text
+    touching = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=-0.5, tool_gap_mm=-0.002))).text
     assert "0.50° before the mark" in touching
     assert "touches, 0.002 mm deep" in touching
-    just = shown(state(seen=ShopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.0))).text
+    just = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.0))).text
     assert "touches, 0.000 mm deep" in just
 
 
@@ -191,7 +191,7 @@ def test_in_phase_is_claimed_only_where_jaw_1_was_taken_at_the_mark(
     past_deg: float, phrase: str, language: str
 ) -> None:
     # The spindle stands where jaw 1 was taken, so that what is seen now is what was seen then.
-    taken = state(VALID, seen=ShopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=0.25))
+    taken = state(VALID, seen=WorkshopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=0.25))
     page = shown(taken, language=language)
     assert ("12.34°" in page.text.split("6 ")[-1]) is (past_deg > 1.0)
     if language == "en":
@@ -287,5 +287,5 @@ def test_jaw_1_is_at_the_mark_where_no_whole_count_is_nearer(
     """Half a count is 0.018 deg with 10000 counts a turn, 0.09 with 2000; what is seen is rounded to 0.01."""
     machine = load_machine(MACHINE).machine
     spindle = replace(machine.spindle, encoder_lines_per_rev=counts_per_rev // 4, counts_per_line=4)
-    seen = ShopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=None)
+    seen = WorkshopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=None)
     assert said in jaw_words(load("en"), seen, replace(machine, spindle=spindle))

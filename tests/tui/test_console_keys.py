@@ -11,14 +11,14 @@ import pytest
 from textual.widgets import Input
 
 from console.session.cut.alignment import Alignment
-from console.session.station.intents import Home, Intent
+from console.session.station.commands import Command, Home
 from console.session.station.state import Activity, Armed, StationState, StopState
 from console.tui.app import ConsoleApp
 from console.tui.driver import Written
 from console.tui.gate import FieldKind, HeldKeys
 from console.tui.keymap import ACTIONS, PageName
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.standing import Standing
+from drivers.lathe.control_state import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
 from tests.tui.scenes import Scene, application, fill, played
@@ -48,7 +48,7 @@ class Console:
         self.app, self.control = app, control
 
     @property
-    def orders(self) -> list[Intent]:
+    def orders(self) -> list[Command]:
         return self.control.orders
 
     @property

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from console.session.station.intents import Measure
+from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import load
-from console.tui.desk import View
 from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.inspect_lines import compared, harmonic_lines, phase_from_jaw_deg, result_lines
 from console.tui.plot.polar_view import PolarView
 from console.tui.theme import Token
+from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
 from profiles.roundness import evaluate
 from profiles.traces import Trace

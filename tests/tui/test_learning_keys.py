@@ -12,7 +12,7 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import FOLDER, asked_for, versions
-from console.session.learning.part_lesson import PartLesson
+from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, with_strategy
@@ -154,7 +154,7 @@ def test_why_nothing_is_learned_and_what_comes_next_fit_the_screen(
 def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path: Path) -> None:
     assert PART.lesson is not None and PART.lesson.taught is not None
     made = replace(PART.lesson.made, stage="partial")
-    half = replace(PART, lesson=PartLesson(made=made, problems=(Problem(code="learned.nothing"),)))
+    half = replace(PART, lesson=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
     page = shown_on(InspectPage, replace(MEASURED, measured=half), work=cam())
     assert "PASS" not in page.text and "half cut: not judged" in page.text
     assert "whole compensation comes next" in page.next_step

@@ -19,7 +19,7 @@ from console.tui.pages.learn_lines import learn_lines
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
 from drivers.cutting.planning import Strategy
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.problem import Problem
@@ -117,7 +117,7 @@ def test_the_touch_off_asks_for_what_is_left_of_it(
     carriage_mm: float, gap_mm: float | None, said: str, language: str
 ) -> None:
     text = load(language)
-    seen = ShopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=gap_mm)
+    seen = WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=gap_mm)
     snapshot = align_stage.look(carriage_mm=carriage_mm)
     now = align_stage.state(replace(align_stage.VALID, touch_off=None), seen=seen, snapshot=snapshot)
     page = shown_on(AlignPage, now, language=language)

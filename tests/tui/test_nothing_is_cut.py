@@ -14,7 +14,7 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.cut.interlocks import Interlock
-from console.session.learning.part_lesson import PartLesson
+from console.session.learning.part_learning import PartLearning
 from console.session.station.alarms import Alarm, Priority
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import LANGUAGES, Catalogue, load
@@ -221,7 +221,7 @@ def of_preview(problem: Problem, text: Catalogue, width: int, height: int | None
 
 
 def of_inspect(problem: Problem, text: Catalogue, width: int, height: int | None) -> list[Line]:
-    return reason_lines(PartLesson(made=MADE, problems=(problem,)), text, width)
+    return reason_lines(PartLearning(made=MADE, problems=(problem,)), text, width)
 
 
 PANELS: dict[str, tuple[Panel, int, int | None]] = {

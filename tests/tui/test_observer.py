@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from console.session.station.alarms import Priority, raised
-from console.session.station.intents import TakeOver
+from console.session.station.commands import TakeControl
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from console.tui.frame import Frame, next_row, state_row
@@ -19,7 +19,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import line, plain, width_of
 from console.tui.pages.align_lines import why_lines
-from drivers.lathe.standing import Standing
+from drivers.lathe.control_state import Standing
 from profiles.problem import Problem
 from profiles.store import load_machine
 from tests.golden_text import compare, writing
@@ -100,7 +100,7 @@ def test_nothing_is_said_of_who_controls_where_that_is_not_known(activity: Activ
 @pytest.mark.parametrize("key", ["t", "ㅅ"])
 def test_t_twice_within_five_seconds_takes_the_machine_over(key: str, tmp_path: Path) -> None:
     control, said = pressed(tmp_path, run_stage.state(**LOOKING_ON), PageName.RUN, (0.0, key), (2.0, key))
-    assert control.orders == [TakeOver()] and control.stops == []
+    assert control.orders == [TakeControl()] and control.stops == []
     assert said == ["screen.take_over_again", ""]
 
 
@@ -114,7 +114,7 @@ def test_t_once_or_again_too_late_takes_nothing(tmp_path: Path) -> None:
 def test_a_machine_that_nobody_controls_is_called_so(tmp_path: Path) -> None:
     free: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": 0}
     control, said = pressed(tmp_path, run_stage.state(**free), PageName.RUN, (0.0, "t"), (2.0, "t"))
-    assert (control.orders, said) == ([TakeOver()], ["screen.take_control_again", ""])
+    assert (control.orders, said) == ([TakeControl()], ["screen.take_control_again", ""])
     text, shown = load("en"), align_stage.state(**free)
     lines = plain(why_lines(text, shown, None, load_machine(MACHINE).machine, 60, 4))
     assert "Nobody controls" in lines and "t twice" in lines

@@ -15,11 +15,11 @@ from rich.cells import cell_len
 
 from console.session.station.state import StationState
 from console.text.catalogue import load
-from console.tui.desk import View
 from console.tui.lines import plain, width_of
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.program import program_lines, program_rows
 from console.tui.theme import Token
+from console.tui.ui_context import View
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.preview.preview import Preview, Program, preview, underway
 from profiles.store import load_job, load_machine

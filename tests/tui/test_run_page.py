@@ -10,7 +10,7 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.phase import Phase
-from console.session.station.intents import Arm, Disarm, Hold, Start
+from console.session.station.commands import Arm, Disarm, EndCut, Start
 from console.session.station.progress import CutStage
 from console.session.station.ripple import SpindleRipple
 from console.session.station.state import Activity, Armed, StationState
@@ -243,7 +243,7 @@ def test_the_gauge_shows_where_a_value_stands_in_its_limits(share: float | None,
 
 
 def test_hold_once_and_only_in_a_cut() -> None:
-    assert shown(cutting(), "run.hold").orders == [Hold()]
+    assert shown(cutting(), "run.hold").orders == [EndCut()]
     held = shown(cutting(holding=True), "run.hold")
     assert (held.orders, held.said) == ([], ["screen.holding_already"])
     assert "HOLD" in held.text

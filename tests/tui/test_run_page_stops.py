@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from console.session.cut.alignment import Alignment
-from console.session.station.intents import Arm, Retract
+from console.session.station.commands import Arm, Retract
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
 from console.session.work import edited

@@ -59,19 +59,19 @@ def main(options: Namespace, text: Catalogue) -> int:
         return WRONG_USAGE
     # Numerics take longer to load than the whole command line; the signals are already in hand.
     from console.cli.library import data_of
-    from console.cli.machine.run_cut import agreed_to, cut_ordered
-    from console.cli.machine.run_order import ordered
+    from console.cli.machine.run_cut import agreed_to, cut_requested
+    from console.cli.machine.run_request import requested
     from console.cli.output import tell
     from console.session.data.killed_runs import killed_runs
     from profiles.files import remove_all_left
 
-    order = ordered(options)
+    order = requested(options)
     remove_all_left(data_of(options))
     killed = killed_runs(data_of(options), order.machine.machine.name, simulated=order.simulated)
     warnings = tell((*killed, *order.warnings), text)
     if order.address is not None and not agreed_to(options, order, text):
         return 1
-    cut_ordered(options, order, interruption, warnings, text)
+    cut_requested(options, order, interruption, warnings, text)
     return 0
 
 

@@ -19,15 +19,15 @@ from console.cli.machine.learning_fields import learning_fields
 from console.cli.machine.learning_lines import learning_lines
 from console.cli.machine.run_fields import run_fields
 from console.cli.machine.run_lines import run_lines
-from console.cli.machine.run_order import RunOrder
 from console.cli.machine.run_places import cut, cut_learning
+from console.cli.machine.run_request import RunRequest
 from console.cli.output import print_json
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import Step
 from console.session.cut.run import RunResult, TellPart
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
-from console.session.data.records import DRIVES_ON_PATIENCE_S, OPEN_PATIENCE_S, RunRecord, begin_record
+from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunRecord, begin_record
 from console.session.errors import SessionError
 from console.session.signals import Interruption
 from console.session.stages import Stage
@@ -38,7 +38,7 @@ from profiles.traces import write_trace
 Result = TypeVar("Result")
 
 
-def agreed_to(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
+def agreed_to(options: Namespace, order: RunRequest, text: Catalogue) -> bool:
     """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
     machine, job = order.plan.machine, order.plan.job
     rests_on = text(
@@ -53,8 +53,8 @@ def agreed_to(options: Namespace, order: RunOrder, text: Catalogue) -> bool:
     return agreed(options, machine.name, order.simulated, text, "run")
 
 
-def cut_ordered(
-    options: Namespace, order: RunOrder, interruption: Interruption, warnings: list[str], text: Catalogue
+def cut_requested(
+    options: Namespace, order: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
 ) -> None:
     """Cut with a record and, where one is asked for, a trace, and print what became of it.
 
@@ -95,7 +95,7 @@ def _teller(
     text: Catalogue,
     interruption: Interruption,
     keep: Callable[[str, dict[str, object]], None],
-    order: RunOrder,
+    order: RunRequest,
 ) -> TellPart:
     """Return what is told at each step: a line for people, an event for the record."""
     sim = f"{text('sim')}  " if order.simulated else ""
@@ -116,7 +116,7 @@ def _teller(
     return tell
 
 
-def tell_cut_with(options: Namespace, order: RunOrder, text: Catalogue) -> None:
+def tell_cut_with(options: Namespace, order: RunRequest, text: Catalogue) -> None:
     """Print, for people, the lines in front of the steps: the stage, which compensation it is cut with, the force.
 
     A machine was cut on only after somebody has agreed, who has read the force before that.
@@ -131,7 +131,7 @@ def tell_cut_with(options: Namespace, order: RunOrder, text: Catalogue) -> None:
     print("".join(f"{text('sim')}  {line}\n" if order.simulated else f"{line}\n" for line in lines), end="")
 
 
-def _save_part(order: RunOrder, result: RunResult) -> None:
+def _save_part(order: RunRequest, result: RunResult) -> None:
     """Write the trace of the part where one was asked for, with header lines that say what it was cut with.
 
     Raises:
@@ -150,7 +150,7 @@ def _save_part(order: RunOrder, result: RunResult) -> None:
     write_trace(order.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
 
 
-def learn_hint(options: Namespace, order: RunOrder, text: Catalogue) -> list[str]:
+def learn_hint(options: Namespace, order: RunRequest, text: Catalogue) -> list[str]:
     """Return how to learn from the part; nothing of one in air, or by a strategy that follows no path."""
     if not order.plan.cut.strategy.traits.inverts or order.plan.stage is Stage.AIR:
         return []
@@ -164,7 +164,7 @@ def learn_hint(options: Namespace, order: RunOrder, text: Catalogue) -> list[str
     return [text("run.learn_from_it", command=shlex.join(words))]
 
 
-def _record(data: Path, order: RunOrder) -> RunRecord:
+def _record(data: Path, order: RunRequest) -> RunRecord:
     """Begin the record of a run. On a lathe in this process no drive waits for other writers.
 
     Raises:
@@ -177,15 +177,15 @@ def _record(data: Path, order: RunOrder) -> RunRecord:
         order.machine,
         order.plan.cut,
         simulated=order.simulated,
-        open_patience_s=OPEN_PATIENCE_S,
-        patience_s=OPEN_PATIENCE_S if order.address is None else DRIVES_ON_PATIENCE_S,
+        open_timeout_s=OPEN_TIMEOUT_S,
+        patience_s=OPEN_TIMEOUT_S if order.address is None else DRIVES_ON_TIMEOUT_S,
     )
 
 
 def _recorded(
     record: RunRecord,
     warnings: list[str],
-    order: RunOrder,
+    order: RunRequest,
     work: Callable[[], Result],
     told: Callable[[Result, list[str]], dict[str, object]],
 ) -> Result:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from console.cli.machine.run_order import RunOrder
+from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import Stopping
 from console.session.cut.context import CutContext
 from console.session.cut.in_process import simulated_context
@@ -22,7 +22,7 @@ from profiles.problem import Problem
 
 
 def cut_learning(
-    order: RunOrder, parts: int, interruption: Interruption, tracing: Tracing, tell: TellPart
+    order: RunRequest, parts: int, interruption: Interruption, tracing: Tracing, tell: TellPart
 ) -> LearnResult:
     """Cut parts in a row on one simulated machine, each with what the ones before have taught.
 
@@ -33,7 +33,7 @@ def cut_learning(
 
 
 def cut(
-    order: RunOrder, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
+    order: RunRequest, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
 ) -> RunResult:
     """Cut what was ordered, where it was ordered.
 
@@ -46,7 +46,7 @@ def cut(
 
 
 def _run_there(
-    order: RunOrder,
+    order: RunRequest,
     address: LinkAddress,
     data: Path,
     interruption: Interruption,
@@ -65,7 +65,7 @@ def _run_there(
         reached.close()
 
 
-def _cut_there(order: RunOrder, reached: Reached, data: Path, tell: TellPart) -> RunResult:
+def _cut_there(order: RunRequest, reached: Reached, data: Path, tell: TellPart) -> RunResult:
     try:
         commissioned = Commissioned(
             reached.client, reached.heartbeat, order.machine.machine, data, simulated=reached.simulated
@@ -79,7 +79,7 @@ def _cut_there(order: RunOrder, reached: Reached, data: Path, tell: TellPart) ->
         raise
 
 
-def _simulated(order: RunOrder, interruption: Interruption, tracing: Tracing) -> Callable[[], CutContext]:
+def _simulated(order: RunRequest, interruption: Interruption, tracing: Tracing) -> Callable[[], CutContext]:
     """Return a function that opens a simulated machine of its own for each part."""
 
     def open_machine() -> CutContext:

@@ -6,7 +6,7 @@ import cmath
 import math
 from dataclasses import asdict
 
-from console.session.learning.lessons import Taught
+from console.session.learning.learning_steps import Taught
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
 from profiles.compensations.next_version import Contraction
 

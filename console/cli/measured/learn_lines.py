@@ -9,11 +9,11 @@ from pathlib import Path
 
 from console.cli.measured.learn_fields import arrival, still_holds
 from console.session.data.dates import is_ahead
-from console.session.learning.lessons import Taught
+from console.session.learning.learning_steps import Taught
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.compensations.learned import HoldsFor, LearnedCompensation
-from profiles.compensations.next_version import Contraction, Lesson
+from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
 
 
@@ -81,7 +81,7 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
     )
 
 
-def _facts(lesson: Lesson, text: Catalogue) -> list[tuple[str, str]]:
+def _facts(lesson: LearningStep, text: Catalogue) -> list[tuple[str, str]]:
     waves = ", ".join(str(n) for n in lesson.learned) or text("learned.no_waves")
     rows = [(text("learned.waves"), waves), (text("learned.gain"), f"{lesson.next.gain:g}")]
     lobes, contraction = lesson.next.path.wanted.lobes, lesson.contraction

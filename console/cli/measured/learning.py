@@ -15,7 +15,7 @@ from console.session.data.dates import utc_now
 from console.session.data.learned_store import asked_for, store, versions
 from console.session.data.made_parts import KEYS
 from console.session.errors import SessionError
-from console.session.learning.lessons import SIMULATED, reverted, taught
+from console.session.learning.learning_steps import SIMULATED, reverted, taught
 from console.text.catalogue import Catalogue
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.traces import Trace
@@ -23,7 +23,7 @@ class Workshop(Protocol):
     def measure(self) -> Trace:
         """Release the part and measure it."""
 
-    def look(self) -> ShopView:
+    def look(self) -> WorkshopView:
         """Return what can be seen at the chuck."""
 
     def set_spindle(self, rpm: float | None) -> None:

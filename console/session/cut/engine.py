@@ -12,7 +12,14 @@ from enum import StrEnum
 from typing import Protocol
 
 from console.session.cut.context import CutContext
-from console.session.cut.interlocks import SPEED_BAND, Interlock, at_speed, of_machine, refuse_unless
+from console.session.cut.interlocks import (
+    SPEED_BAND,
+    START_BAND_COUNTS,
+    Interlock,
+    at_speed,
+    of_machine,
+    refuse_unless,
+)
 from console.session.cut.planned_cut import PlannedCut, refuse_unless_held
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError
@@ -22,7 +29,6 @@ from drivers.lathe.lathe import SPEED_S, Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standstill import ARRIVED_COUNTS
 from drivers.lathe.stop import way_problems
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -170,14 +176,12 @@ def _refuse_tables(lathe: Lathe) -> None:
 
 def _go_to_start(lathe: Lathe, plan: CutPlan, *, settle_tool: bool) -> None:
     """Bring every axis to its start: the tool out first, and in again last, beside the part."""
-    if lathe.snapshot().tool.position > plan.setup.retracted:
+    if lathe.snapshot().tool.position > plan.setup.retracted + START_BAND_COUNTS:
         lathe.retract(plan.setup.retracted)
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     if AxisName.SPINDLE in lathe.driven:
         lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
-    # A jog of no way is told to be over at once, and refuses the start for as long as its acceleration takes.
-    if settle_tool or abs(lathe.snapshot().tool.commanded - plan.tool_start) > ARRIVED_COUNTS:
-        lathe.jog_to(AxisName.TOOL, plan.tool_start, settle=settle_tool)
+    lathe.jog_to(AxisName.TOOL, plan.tool_start, settle=settle_tool)
 
 
 def _turn(context: CutContext, speed_rpm: float) -> None:

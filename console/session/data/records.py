@@ -17,10 +17,10 @@ from console.session.data.running import RunMark
 from drivers.cutting.plan import CutPlan
 from profiles.store import LoadedMachine
 
-OPEN_PATIENCE_S = 30.0
+OPEN_TIMEOUT_S = 30.0
 """How long other writers are waited for before anything has been started."""
 
-DRIVES_ON_PATIENCE_S = 5.0
+DRIVES_ON_TIMEOUT_S = 5.0
 """The same where the drives may be on meanwhile."""
 
 GONE = "file gone"
@@ -34,8 +34,8 @@ def begin_record(
     plan: CutPlan,
     *,
     simulated: bool,
-    open_patience_s: float = DRIVES_ON_PATIENCE_S,
-    patience_s: float = DRIVES_ON_PATIENCE_S,
+    open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
+    patience_s: float = DRIVES_ON_TIMEOUT_S,
 ) -> RunRecord:
     """Begin the record of a run that cuts `plan`, by the name and the contents of its job.
 
@@ -52,7 +52,7 @@ def begin_record(
         "strategy": plan.strategy.value,
         "program": plan.text,
     }
-    return RunRecord(folder, described, open_patience_s=open_patience_s, patience_s=patience_s)
+    return RunRecord(folder, described, open_timeout_s=open_timeout_s, patience_s=patience_s)
 
 
 class RunRecord:
@@ -63,13 +63,13 @@ class RunRecord:
         folder: Path,
         run: Mapping[str, object],
         *,
-        open_patience_s: float = DRIVES_ON_PATIENCE_S,
-        patience_s: float = DRIVES_ON_PATIENCE_S,
+        open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
+        patience_s: float = DRIVES_ON_TIMEOUT_S,
     ) -> None:
         """Open the file in `folder`, which is made when it is missing, and begin a run.
 
         `run` gives software, job, job_sha256, machine, machine_sha256, simulated, strategy and program. Others who
-        write to the file are waited for as long as `open_patience_s`, at each event as long as `patience_s`.
+        write to the file are waited for as long as `open_timeout_s`, at each event as long as `patience_s`.
 
         Raises:
             SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`; without a record no machine
@@ -79,7 +79,7 @@ class RunRecord:
         self.run_id = uuid.uuid4().hex
         self._count = 0
         self._patience_s = patience_s
-        until_s = time.monotonic() + open_patience_s
+        until_s = time.monotonic() + open_timeout_s
         self._database = opened(folder, until_s)
         try:
             self._mark = RunMark(folder, self.run_id)

@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 from console.session.data.kept_files import make_folder
 from drivers.commissioning.judged import Judged
-from drivers.commissioning.proofs.bench import ProofBench
+from drivers.commissioning.proofs.bench import TestRig
 from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import StopsNow, record_problems
 from drivers.commissioning.verification import read_of_machine
@@ -120,7 +120,7 @@ def simulated_record(machine: MachineProfile, dialect: Dialect, now: date) -> St
     version, kind = client.connect()
     judged = Judged(configuration=read_of_machine(client, machine, dialect), machine=machine)
     try:
-        stops = prove_stops(ProofBench(client=client, stop=StopPath(link), clock=sim, judged=judged))
+        stops = prove_stops(TestRig(client=client, stop=StopPath(link), clock=sim, judged=judged))
     except DriverError:
         stops = MeasuredStops()
     return StopRecord(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from console.session.station.alarms import COLLISION_CODES, Priority, collision_problems
+from console.session.station.context import StationContext
 from console.session.station.state import MOVING
-from console.session.station.workplace import Workplace
 from drivers.errors import LinkError
 
 SIGHT_PERIOD_S = 0.15
@@ -17,7 +17,7 @@ SIGHT_PERIOD_IN_MOTION_S = 1.0
 class ChuckSight:
     """Looks at the chuck now and then."""
 
-    def __init__(self, place: Workplace) -> None:
+    def __init__(self, place: StationContext) -> None:
         self._place, self._seen_s = place, float("-inf")
         self._met: tuple[str, ...] = ()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from console.session.station.intents import Intent
+    from console.session.station.commands import Command
     from console.session.station.state import StationState
 
 
@@ -22,7 +22,7 @@ class Control(Protocol):
     def now_s(self) -> float:
         """Return machine time, to tell the age of the state by."""
 
-    def post(self, intent: Intent) -> bool:
+    def post(self, intent: Command) -> bool:
         """Order something. False when the machine is busy: an order is refused then, never queued."""
 
     def stop(self, reason: str) -> None:

@@ -17,11 +17,11 @@ from console.session.data.records import begin_record
 from console.session.errors import SessionError
 from console.session.stages import Stage
 from console.session.station.blank import touched_by
-from console.session.station.intents import Arm, Disarm, Retract, Start
+from console.session.station.commands import Arm, Disarm, Retract, Start
+from console.session.station.context import StationContext
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutStage, CutWatch
 from console.session.station.state import Activity, Armed
-from console.session.station.workplace import Workplace
 from drivers.cutting.planning import CutPlan, first_spindle_counts
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import Job
@@ -33,7 +33,7 @@ START_WITHIN_S = 10.0
 AT_START = "at_start"
 
 
-def arm(place: Workplace, order: Arm, job: Job) -> None:
+def arm(place: StationContext, order: Arm, job: Job) -> None:
     """Judge everything, load the program and read it back. Nothing moves; start is allowed for some seconds.
 
     `job` is that of the order with jaw 1 where it was found.
@@ -63,7 +63,7 @@ def arm(place: Workplace, order: Arm, job: Job) -> None:
     place.tell(armed=replace(armed, until_s=place.clock.now_s() + START_WITHIN_S))
 
 
-def _learned(place: Workplace, order: Arm) -> Interlock:
+def _learned(place: StationContext, order: Arm) -> Interlock:
     """Judge what was learned once more: it may have been chosen some time ago, and files may have changed."""
     learned = order.compensation
     problems = compensation_problems(
@@ -79,7 +79,7 @@ def _learned(place: Workplace, order: Arm) -> Interlock:
     return Interlock(name="learned_holds", problems=problems)
 
 
-def _planned(place: Workplace, order: Arm, job: Job) -> CutPlan:
+def _planned(place: StationContext, order: Arm, job: Job) -> CutPlan:
     """Plan the cut; nothing has been sent, so whatever stands against it is a refusal.
 
     Raises:
@@ -94,7 +94,7 @@ def _planned(place: Workplace, order: Arm, job: Job) -> CutPlan:
         raise SessionError(*refused.problems) from refused
 
 
-def _made_with(place: Workplace, order: Arm) -> MadeWith:
+def _made_with(place: StationContext, order: Arm) -> MadeWith:
     jaw, learned = place.state.alignment.jaw, order.compensation
     return MadeWith(
         compensation=NONE if learned is None else str(learned.version),
@@ -105,13 +105,13 @@ def _made_with(place: Workplace, order: Arm) -> MadeWith:
     )
 
 
-def disarm(place: Workplace, _: Disarm) -> None:
+def disarm(place: StationContext, _: Disarm) -> None:
     """Take it back, and what arming has changed on the controller."""
     place.tell(armed=None)
     place.lathe.program.put_back()
 
 
-def start(place: Workplace, _: Start) -> None:
+def start(place: StationContext, _: Start) -> None:
     """Cut what was armed.
 
     Raises:
@@ -153,7 +153,7 @@ class Unobserved:
 class _Watched:
     """What the screens see of a cut, and the operator's hold on its way to the program."""
 
-    def __init__(self, place: Workplace, armed: Armed) -> None:
+    def __init__(self, place: StationContext, armed: Armed) -> None:
         self._place, self._strategy, self._stage = place, armed.strategy, CutStage.POSITION
         self.watch = CutWatch(armed.plan, armed.job, place.machine, in_air=armed.made.stage == Stage.AIR)
 
@@ -167,7 +167,7 @@ class _Watched:
     def see(self, snapshot: Snapshot) -> None:
         """Pass the operator's hold on, once, between two polls of the program."""
         place = self._place
-        if place.hold_asked and not place.lathe.program.held:
+        if place.end_asked and not place.lathe.program.held:
             place.lathe.program.hold()
 
     def publish(self, snapshot: Snapshot) -> None:
@@ -177,7 +177,7 @@ class _Watched:
         place.tell(cut=seen, touched=touched_by(seen, place.state.touched))
 
 
-def retract(place: Workplace, _: Retract) -> None:
+def retract(place: StationContext, _: Retract) -> None:
     """Take the tool out to where it is clear of the part, or by the retract distance where no part is known.
 
     A stop leaves the table of a cut on. Then the carriage goes back, too, to where that adds nothing, and there
@@ -202,7 +202,7 @@ def retract(place: Workplace, _: Retract) -> None:
     _leave_tables(place)
 
 
-def _leave_tables(place: Workplace) -> None:
+def _leave_tables(place: StationContext) -> None:
     if not place.lathe.program.tables_left():
         return
     plan = place.plan
@@ -212,7 +212,7 @@ def _leave_tables(place: Workplace) -> None:
     refuse_unless(Interlock(name="no_table", problems=place.lathe.program.switch_tables_off()))
 
 
-def _nearest_turn(place: Workplace, job: Job, order: Arm) -> int:
+def _nearest_turn(place: StationContext, job: Job, order: Arm) -> int:
     """Return the whole turn nearest to where the spindle stands: each cut leaves it some hundreds further on."""
     start = first_spindle_counts(job, place.machine, order.strategy)
     return round((place.lathe.snapshot().spindle.position - start) / place.machine.spindle.counts_per_rev)
@@ -222,7 +222,7 @@ def _commissioned(context: CutContext) -> Interlock:
     return Interlock(name="commissioned", problems=context.commissioned(context.lathe.snapshot()))
 
 
-def _finish(place: Workplace, watched: _Watched, end: CutEnd) -> None:
+def _finish(place: StationContext, watched: _Watched, end: CutEnd) -> None:
     """Say how the cut has ended."""
     stage = CutStage.HELD if end.held else CutStage.DONE
     ended = watched.watch.see(end.last, stage, end.held, place.state.spindle_rpm)
@@ -233,7 +233,7 @@ def _finish(place: Workplace, watched: _Watched, end: CutEnd) -> None:
     place.note("held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made)
 
 
-def _open_record(place: Workplace, order: Arm, armed: Armed) -> None:
+def _open_record(place: StationContext, order: Arm, armed: Armed) -> None:
     place.end_record()
     machine = place.loaded_machine
     sha256, simulated = order.job_sha256, place.context.simulated
@@ -243,6 +243,6 @@ def _open_record(place: Workplace, order: Arm, armed: Armed) -> None:
     place.note("armed", force_n=force_n, jaw_1_deg=_jaw_deg(place), calibrations=used, **made)
 
 
-def _jaw_deg(place: Workplace) -> float | None:
+def _jaw_deg(place: StationContext) -> float | None:
     jaw = place.state.alignment.jaw
     return None if jaw is None else jaw.angle_deg

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from console.session.station.context import StationContext
 from console.session.station.state import MOVING, Activity, StationState
-from console.session.station.workplace import Workplace
 from drivers.lathe.guards import reset_problem
 from drivers.lathe.snapshot import Snapshot
 
 
-def watch_home(place: Workplace, before: StationState, snapshot: Snapshot) -> None:
+def watch_home(place: StationContext, before: StationState, snapshot: Snapshot) -> None:
     """Raise an alarm once where an axis has lost its zero since the poll before: a reset, or another host's home.
 
     While something moves, the wait for it stops the machine, and raises it; what comes to rest behind a stop is

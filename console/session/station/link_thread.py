@@ -21,7 +21,7 @@ from drivers.lathe.stop import StopPath
 from profiles.problem import Problem, ProblemError
 
 if TYPE_CHECKING:
-    from console.session.station.intents import Intent
+    from console.session.station.commands import Command
     from console.session.station.station import Station
 
 LOOK_PERIOD_S = 0.1
@@ -94,7 +94,7 @@ class LinkThread:
         self._may_open = True
         self._wake.put(None)
 
-    def post(self, intent: Intent) -> bool:
+    def post(self, intent: Command) -> bool:
         """Order something."""
         opened = self._opened
         if opened is None:

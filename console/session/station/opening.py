@@ -9,10 +9,10 @@ from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.killed_runs import killed_or_refused
 from console.session.station.alarms import Priority
 from console.session.station.commissioned import Commissioned
+from console.session.station.context import StationContext
 from console.session.station.link_thread import Opened
 from console.session.station.reaching import reach
 from console.session.station.station import Station
-from console.session.station.workplace import Workplace
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.address import LinkAddress
 from drivers.link.tracing import Tracing
@@ -35,7 +35,7 @@ def open_machine(machine: LoadedMachine, address: LinkAddress, data: Path, traci
             station.seen(snapshot)
 
     reached = reach(machine, address, data, tracing, tell)
-    place = Workplace(
+    place = StationContext(
         lathe=reached.lathe,
         owning=reached.owning,
         machine=machine,

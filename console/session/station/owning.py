@@ -21,8 +21,8 @@ from pathlib import Path
 
 from console.session.errors import SessionError
 from drivers.errors import RefusedError
+from drivers.lathe.control_state import NOBODY
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.standing import NOBODY
 from profiles.files import make_private_file, make_private_folder
 from profiles.problem import Problem
 
@@ -62,10 +62,10 @@ class Owning:
             if last == NOBODY or last != self._holder:
                 self._let_go()
                 raise
-            self._log("in the place of a console that died", self._lathe.take_over())
+            self._log("in the place of a console that died", self._lathe.take_control())
         self._keep()
 
-    def take_over(self) -> None:
+    def take_control(self) -> None:
         """Take the machine from whoever controls it, at rest.
 
         Raises:
@@ -74,7 +74,7 @@ class Owning:
             LinkError: the link broke.
         """
         self._lock_here()
-        self._log("taken over", self._lathe.take_over())
+        self._log("taken over", self._lathe.take_control())
         self._keep()
 
     def release(self) -> None:

@@ -22,10 +22,10 @@ from profiles.machine import MachineProfile
 LOOKED_S = 1.0
 """Time over which the speed is told: that of a single look is known to some ms only."""
 
-KEPT_LOOKS = 240
+KEPT_POLLS = 240
 """Looks that are shown and judged: some eight seconds."""
 
-PHASE_LOOKS = 60
+PHASE_POLLS = 60
 
 BEGUN_UM = 20.0
 """A tool that has gone so far from where the program found it was moved by the program."""
@@ -138,7 +138,7 @@ class SpindleWatch:
 
     def __init__(self, counts_per_rev: float) -> None:
         self._counts_per_rev = counts_per_rev
-        self._looks: list[tuple[float, float]] = []
+        self._poller: list[tuple[float, float]] = []
         self._homed = False
 
     def see(self, snapshot: Snapshot) -> float | None:
@@ -147,13 +147,13 @@ class SpindleWatch:
         if homed != self._homed:
             self._homed = homed
             self.forget()  # the zero of the counts has moved, not the spindle
-        self._looks = [look for look in self._looks if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
-        self._looks.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
-        return 60.0 * _slope(self._looks) if len(self._looks) > 1 else None
+        self._poller = [look for look in self._poller if snapshot.at_s - LOOKED_S <= look[0] < snapshot.at_s]
+        self._poller.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
+        return 60.0 * _slope(self._poller) if len(self._poller) > 1 else None
 
     def forget(self) -> None:
         """Leave out what was seen until now: it tells of another motion."""
-        self._looks = []
+        self._poller = []
 
 
 class CutWatch:
@@ -165,9 +165,9 @@ class CutWatch:
         end = plan.carriage_start + plan.setup.carriage_counts
         self._face = end - job.cut_length_mm * machine.carriage.counts_per_mm
         self._end = end
-        self._looks: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
-        self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_LOOKS)
-        self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_LOOKS)
+        self._poller: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
+        self._infeeds: deque[tuple[float, float]] = deque(maxlen=PHASE_POLLS)
+        self._turning: deque[tuple[float, float]] = deque(maxlen=KEPT_POLLS)
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
@@ -182,17 +182,17 @@ class CutWatch:
         # A hold takes the tool out while the carriage still stands over the part: what it leaves is not judged.
         self._held = self._held or (holding and is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
-        self._over = self._over or (bool(self._looks) and infeed_um < 0.0)
+        self._over = self._over or (bool(self._poller) and infeed_um < 0.0)
         cutting = cutting and not self._held and not self._over
         if cutting and snapshot.program_running:
             stage = CutStage.CUT
             self._reached_mm = max(self._reached_mm, self._past_face_mm(snapshot))
-            self._looks.append((angle_deg % 360.0, error_um))
+            self._poller.append((angle_deg % 360.0, error_um))
             self._infeeds.append((angle_deg, infeed_um))
             if AxisName.SPINDLE in snapshot.driven:
                 self._turning.append((snapshot.spindle.position, snapshot.spindle.following_error))
             self._peak_um = max(self._peak_um, abs(error_um))
-        elif stage is CutStage.RUN_UP and self._looks:
+        elif stage is CutStage.RUN_UP and self._poller:
             # A program that somebody else has stopped leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
         return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, wanted_um)
@@ -209,7 +209,7 @@ class CutWatch:
         machine, job = self._machine, self._job
         z_mm = self._done_mm(snapshot, stage)
         per_s = job.feed_mm_per_rev * self._plan.spindle_speed_rpm / 60.0
-        angles, errors = np.array(self._looks, dtype=np.float64).reshape(-1, 2).T
+        angles, errors = np.array(self._poller, dtype=np.float64).reshape(-1, 2).T
         phase = self._phase()
         return CutProgress(
             stage=stage,

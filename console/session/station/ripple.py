@@ -18,7 +18,7 @@ from profiles.least_squares import fit, harmonic_columns
 
 Floats = NDArray[np.float64]
 
-ORDERS = range(1, 7)
+HANDLERS = range(1, 7)
 """Swings a turn that are looked for: belts, jaws, gears, poles. What swings faster is not in the figure."""
 
 LEAST_LOOKS = 40
@@ -58,7 +58,7 @@ def spindle_ripple(looks: Floats, counts_per_rev: float) -> SpindleRipple | None
     count_rad = 2.0 * np.pi / counts_per_rev
     angle, ahead = looks[:, 0] * count_rad, -looks[:, 1] * count_rad
     drift = (angle - angle.mean()) / max(float(np.ptp(angle)), count_rad)
-    found = fit(harmonic_columns(angle, ORDERS, drift), ahead)
+    found = fit(harmonic_columns(angle, HANDLERS, drift), ahead)
     if found.condition * LEAST_SPREAD >= 1.0:
         return None
     swing = _SLOPES @ found.coefficients
@@ -78,13 +78,13 @@ def _rounded(count_rad: float) -> float:
     its harmonics, the n-th of 1 / (n pi) counts, are then taken for swings; at the worst the largest for the
     highest order, and so on.
     """
-    worst = sum(order / harmonic for harmonic, order in enumerate(reversed(ORDERS), start=1))
+    worst = sum(order / harmonic for harmonic, order in enumerate(reversed(HANDLERS), start=1))
     return 2.0 * worst * count_rad / np.pi
 
 
 def _slopes(angle: Floats) -> Floats:
     """Return the slopes of the columns of the fit by the angle; neither mean nor drift swings."""
-    pairs = ((-order * np.sin(order * angle), order * np.cos(order * angle)) for order in ORDERS)
+    pairs = ((-order * np.sin(order * angle), order * np.cos(order * angle)) for order in HANDLERS)
     none = np.zeros_like(angle)
     return np.column_stack([none, none, *(slope for pair in pairs for slope in pair)])
 

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from console.session.cut.alignment import Alignment
 from console.session.station.alarms import Alarms
+from drivers.lathe.control_state import NOBODY, Standing
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import NOBODY, Standing
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
-    from console.session.learning.part_lesson import PartLesson
+    from console.session.learning.part_learning import PartLearning
     from console.session.station.progress import CutProgress
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
@@ -122,7 +122,7 @@ class MeasuredPart:
     result: RoundnessResult
     jaw_1_deg: float
     marks_mm: tuple[float, ...] = ()
-    lesson: PartLesson | None = None
+    lesson: PartLearning | None = None
 
     @property
     def is_half(self) -> bool:
@@ -161,7 +161,7 @@ class StationState:
     round_trip_ms: float = 0.0
     snapshot: Snapshot | None = None
     spindle_rpm: float | None = None
-    seen: ShopView | None = None
+    seen: WorkshopView | None = None
     alignment: Alignment = field(default_factory=Alignment)
     alarms: Alarms = ()
     refusals: tuple[Problem, ...] = ()

@@ -17,15 +17,15 @@ from console.session.cut.alignment import observed
 from console.session.errors import SessionError
 from console.session.station.alarms import OF_A_CUT, Priority, seen
 from console.session.station.chuck_sight import ChuckSight
+from console.session.station.commands import Acknowledge, Command, EndCut, Recover, Start, TakeControl, Verify
+from console.session.station.context import StationContext, watch_stop_way
+from console.session.station.handlers import HANDLERS
 from console.session.station.home_watch import watch_home
-from console.session.station.intents import Acknowledge, Hold, Intent, Recover, Start, TakeOver, Verify
 from console.session.station.link_time import LinkTime
-from console.session.station.orders import ORDERS
 from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops
 from console.session.station.watches import watch_axes, watch_devices, watch_guard, watch_loss, watch_phase
-from console.session.station.workplace import Workplace, watch_stop_way
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StoppedError
@@ -35,16 +35,16 @@ from profiles.problem import Problem, ProblemError
 SCREEN_TIMEOUT_S = 2.0
 """How long the screen may be silent while something moves."""
 
-OBSERVERS_ORDERS = (Verify, Recover, TakeOver)
+OBSERVERS_COMMANDS = (Verify, Recover, TakeControl)
 """What a console may ask for that only looks on; a stop needs nobody's leave."""
 
 
 class Station:
     """One machine under one operator."""
 
-    def __init__(self, place: Workplace) -> None:
+    def __init__(self, place: StationContext) -> None:
         self._place = place
-        self._order: Intent | None = None
+        self._order: Command | None = None
         self._beat_s: float | None = None
         self._slot = threading.Lock()
         self._link_time = LinkTime()
@@ -112,18 +112,18 @@ class Station:
                 place.alarm(problem, Priority.MEDIUM)
         place.tell_standing()
 
-    def post(self, intent: Intent) -> bool:
+    def post(self, intent: Command) -> bool:
         """Take an order, from any thread; False where it is refused because the machine is busy."""
         place = self._place
         if isinstance(intent, Acknowledge):
             place.change_alarms(partial(seen, shown=intent.shown))
             return True
-        if isinstance(intent, Hold):
+        if isinstance(intent, EndCut):
             return self._hold()
         with self._slot:
             if place.state.activity is Activity.LOST:
                 return self._refuse(Problem(code="session.lost"))
-            if not place.state.controls and not isinstance(intent, OBSERVERS_ORDERS):
+            if not place.state.controls and not isinstance(intent, OBSERVERS_COMMANDS):
                 holder = place.state.holder
                 free = Problem(code="owner.free")
                 return self._refuse(Problem(code="owner.observer", value=str(holder)) if holder else free)
@@ -150,7 +150,7 @@ class Station:
                 self._place.lathe.stop.stop("fault")
             self._place.alarm(_fault_problem(fault))
 
-    def _step(self, order: Intent | None) -> None:
+    def _step(self, order: Command | None) -> None:
         if self._stops.gone:
             return
         if self._place.lathe.stop.reason is not None and not isinstance(order, Recover):
@@ -185,30 +185,30 @@ class Station:
     def _hold(self) -> bool:
         if self._place.state.activity is not Activity.CUTTING:
             return self._refuse(Problem(code="session.nothing_to_hold"))
-        self._place.hold_asked = True
+        self._place.end_asked = True
         return True
 
     def _refuse(self, problem: Problem) -> bool:
         self._place.tell(refusals=(problem,))
         return False
 
-    def _carry_out(self, order: Intent) -> None:
-        activity, work = ORDERS[type(order)]
+    def _carry_out(self, order: Command) -> None:
+        activity, work = HANDLERS[type(order)]
         place = self._place
-        place.hold_asked = False
+        place.end_asked = False
         if not isinstance(order, Start):
             place.tell(armed=None)  # what was read in the summary may not be so any more
         place.tell(refusals=(), activity=activity if place.state.stop is None else place.state.activity)
         self._guarded(lambda: self._worked(work, order))
 
-    def _worked(self, work: Callable[[Workplace, Any], None], order: Intent) -> None:
+    def _worked(self, work: Callable[[StationContext, Any], None], order: Command) -> None:
         work(self._place, order)
         self._sight.look_now()
 
     def _look(self) -> None:
         snapshot = self._place.lathe.snapshot()
         watch_loss(self._place, snapshot)
-        if self.state.controls and self._place.lathe.stop.hands_in and not snapshot.loops_open:
+        if self.state.controls and self._place.lathe.stop.inside_guard and not snapshot.loops_open:
             # It was not us: somebody else, or a PLC of the card. The stop is a control-K then.
             raise DriverError(Problem(code="machine.energised"))
         place = self._place

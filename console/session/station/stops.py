@@ -7,14 +7,14 @@ from contextlib import suppress
 from dataclasses import replace
 
 from console.session.station.alarms import Priority
+from console.session.station.context import StationContext
 from console.session.station.jogging import behind_face_mm, tool_in_part
 from console.session.station.progress import RUNNING, CutStage
 from console.session.station.state import Activity, StopState
 from console.session.station.watches import watch_axes
-from console.session.station.workplace import Workplace
 from drivers.errors import DriverError
+from drivers.lathe.control_state import Standing
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.link.base import GONE
 from profiles.problem import ProblemError
 
@@ -22,7 +22,7 @@ from profiles.problem import ProblemError
 class Stops:
     """The stops of one machine. `gone` is whether there is nobody to ask any more."""
 
-    def __init__(self, place: Workplace, forget_speed: Callable[[], None]) -> None:
+    def __init__(self, place: StationContext, forget_speed: Callable[[], None]) -> None:
         """`forget_speed`: how a spindle came to rest is no speed that it has."""
         self._place, self._forget_speed = place, forget_speed
         self.gone = False

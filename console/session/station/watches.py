@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from console.session.cut.alignment import handed_over
 from console.session.station.alarms import HOME_LOST, Priority, with_faults
+from console.session.station.context import StationContext
 from console.session.station.progress import CutStage
 from console.session.station.state import MOVING
-from console.session.station.workplace import Workplace
+from drivers.lathe.control_state import Standing
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.pmac.heartbeat.arming import lost_problem
 from profiles.problem import Problem
 
 
-def watch_axes(place: Workplace, snapshot: Snapshot) -> None:
+def watch_axes(place: StationContext, snapshot: Snapshot) -> None:
     """Say who has the machine, and what is wrong with its axes besides what is told already."""
     _watch_owner(place, snapshot)
     if snapshot.homed:
@@ -23,7 +23,7 @@ def watch_axes(place: Workplace, snapshot: Snapshot) -> None:
     place.change_alarms(lambda alarms: with_faults(alarms, snapshot.axis_faults, now_s))
 
 
-def watch_devices(place: Workplace, before: Snapshot | None, snapshot: Snapshot) -> None:
+def watch_devices(place: StationContext, before: Snapshot | None, snapshot: Snapshot) -> None:
     """Say which safety device drops while drives are on: it ends what moves by itself, and no order goes out.
 
     Where something moves, the wait for it stops the machine, and tells.
@@ -40,14 +40,14 @@ def watch_devices(place: Workplace, before: Snapshot | None, snapshot: Snapshot)
             place.alarm(problem)
 
 
-def watch_guard(place: Workplace) -> None:
+def watch_guard(place: StationContext) -> None:
     """Say once, while something moves, that the controller would not end it any more."""
     unguarded = place.lathe.unguarded
     if unguarded is not None and not place.alarmed(unguarded.code):
         place.alarm(unguarded)
 
 
-def watch_loss(place: Workplace, snapshot: Snapshot) -> None:
+def watch_loss(place: StationContext, snapshot: Snapshot) -> None:
     """Say once what the controller has ended without its host; behind a stop that is settled with the stop."""
     if not snapshot.lost:
         place.end_alarms("heartbeat.lost")
@@ -55,7 +55,7 @@ def watch_loss(place: Workplace, snapshot: Snapshot) -> None:
         place.alarm(lost_problem(snapshot.lost))
 
 
-def watch_phase(place: Workplace) -> None:
+def watch_phase(place: StationContext) -> None:
     """Say once for each cut that tool and lobe are not in phase, or that the spindle stands."""
     cut = place.state.cut
     if cut is None or cut.stage is not CutStage.CUT:
@@ -67,7 +67,7 @@ def watch_phase(place: Workplace) -> None:
         place.alarm(Problem(code="cut.spindle_stands"))
 
 
-def _watch_owner(place: Workplace, snapshot: Snapshot) -> None:
+def _watch_owner(place: StationContext, snapshot: Snapshot) -> None:
     """Say once that somebody else has taken the machine; what was aligned here is not known any more."""
     if place.state.standing is not Standing.OUSTED:
         return

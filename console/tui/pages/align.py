@@ -13,20 +13,19 @@ from textual.app import ComposeResult
 from textual.containers import Vertical
 
 from console.session.cut.alignment import AlignStep, force_problems
-from console.session.station.intents import (
+from console.session.station.commands import (
     Approach,
+    Command,
     ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
     Forget,
     Home,
-    Intent,
-    SwitchOff,
-    SwitchOn,
     TakeJaw,
     TakeTouchOff,
     Verify,
 )
 from console.session.station.state import Activity, StationState
-from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
 from console.tui.page import Page
@@ -49,6 +48,7 @@ from console.tui.pages.align_lines import (
 from console.tui.pages.chuck_picture import chuck_lines
 from console.tui.pages.jog_lines import JogView, jog_lines
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from console.tui.waiting import waiting
 from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
@@ -80,7 +80,7 @@ class AlignPage(Page):
     AlignPage.-tall #align-chuck { height: 50%; }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         palette = desk.palette
         self._axes = Sheet(palette, id="align-axes")
@@ -207,9 +207,9 @@ class AlignPage(Page):
             case AlignStep.CLAMP if is_in_part(state, self.desk.machine.machine):
                 self._way_out(state)
             case AlignStep.CLAMP if drives_are_on(state):
-                self._post(SwitchOff())
+                self._post(DisableDrives())
             case AlignStep.DRIVES:
-                self._post(SwitchOn())
+                self._post(EnableDrives())
             case AlignStep.HOME:
                 self._post(Home())
             case AlignStep.TOUCH_OFF if job is not None:
@@ -273,7 +273,7 @@ class AlignPage(Page):
         if state.snapshot is not None and state.snapshot.loops_closed:
             self._say("machine.tool_in_part")
         else:
-            self._post(SwitchOn())
+            self._post(EnableDrives())
 
     def _confirm_clamping(self, state: StationState, job: Job) -> None:
         if drives_are_on(state):
@@ -290,7 +290,7 @@ class AlignPage(Page):
         if self._jog.stops_what_moves(state, key) or self._jog.refuses(state, key):
             return
         if drives_are_on(state):
-            self._post(SwitchOff())
+            self._post(DisableDrives())
         else:
             self._say("screen.drives_are_off")
 
@@ -298,7 +298,7 @@ class AlignPage(Page):
     def _job(self) -> Job | None:
         return None if self.desk.work is None else self.desk.work.job
 
-    def _post(self, intent: Intent) -> None:
+    def _post(self, intent: Command) -> None:
         self.desk.control.post(intent)
 
     def _say(self, code: str, *, key: str = "", value: str = "", limit: str = "") -> None:

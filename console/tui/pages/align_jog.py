@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from console.session.cut.alignment import AlignStep
-from console.session.station.intents import Jog
+from console.session.station.commands import Jog
 from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm
 from console.session.station.state import Activity, StationState
-from console.tui.desk import Desk
 from console.tui.keymap import ACTIONS
 from console.tui.pages.align_lines import step_now
 from console.tui.pages.jog_lines import JogView
 from console.tui.pages.jog_presses import SURE_S, JogPresses
+from console.tui.ui_context import UiContext
 from console.tui.waiting import refusal
 from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
@@ -38,7 +38,7 @@ Later = Callable[[float, Callable[[], None]], None]
 class JogKeys:
     """The jog keys of one page: what is enabled, which steps are set, and which presses were taken."""
 
-    def __init__(self, desk: Desk, later: Later) -> None:
+    def __init__(self, desk: UiContext, later: Later) -> None:
         self.desk = desk
         self._later = later
         self._step_lengths = Steps()

@@ -9,9 +9,8 @@ from textual.containers import Horizontal, Vertical
 from textual.events import Resize
 from textual.geometry import Size
 
-from console.session.station.intents import Measure
+from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
-from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, line, wrapped
 from console.tui.page import Page
@@ -29,6 +28,7 @@ from console.tui.pages.learn_lines import in_scatter, is_kept, learn_lines, lear
 from console.tui.pages.learning_keys import accept_lesson, revert_version
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem, ProblemError
 
 ROWS_FOR_PLOTS = 16
@@ -78,7 +78,7 @@ class InspectPage(Page):
     InspectPage.-bare #inspect-result { height: 1fr; }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         palette = desk.palette
         self._polar = PolarView(palette=palette, id="inspect-polar")
@@ -147,7 +147,7 @@ class InspectPage(Page):
         taught = [] if lesson is None else learn_lines(lesson, view.work, text, width, failed=_fails(part))
         return [*wrong_lines(part, text, width), *taught]
 
-    def _learned(self, key: Callable[[Desk], None]) -> None:
+    def _learned(self, key: Callable[[UiContext], None]) -> None:
         """Do what a key of the panel Learn does, or say why not."""
         try:
             key(self.desk)

@@ -11,12 +11,12 @@ from console.session.data.history import LastResults, last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity, StationState
 from console.session.work import Work, opened
-from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.page import Page
 from console.tui.pages.jobs_lines import JobList, Loaded, hidden_words, summary_lines, table_lines
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -38,7 +38,7 @@ class JobsPage(Page):
     }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         self._table = Sheet(desk.palette, classes="table")
         self._summary = Sheet(desk.palette, classes="summary")

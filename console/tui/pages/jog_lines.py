@@ -13,7 +13,7 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, Piece, clipped, dim, line, ranged, to_the_right, wrapped
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.machine import MachineProfile
 
 _RUNG_WIDTH = 7
@@ -37,7 +37,7 @@ class JogView:
     moving: bool
     longest_mm: float
     simulated: bool
-    seen: ShopView | None
+    seen: WorkshopView | None
 
 
 def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:
@@ -134,7 +134,7 @@ def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:
     return [line(mark, " " + jaw_words(text, seen, jog.machine)), line(mark, " " + gap_words(text, seen))]
 
 
-def jaw_words(text: Catalogue, seen: ShopView, machine: MachineProfile) -> str:
+def jaw_words(text: Catalogue, seen: WorkshopView, machine: MachineProfile) -> str:
     """Return where jaw 1 stands to the mark. A spindle goes to whole counts: within half a count it is there."""
     past = seen.jaw_1_past_mark_deg
     if abs(past) < 180.0 / machine.spindle.counts_per_rev + _SEEN_TO_DEG / 2.0:
@@ -144,7 +144,7 @@ def jaw_words(text: Catalogue, seen: ShopView, machine: MachineProfile) -> str:
     return text("align_page.before_mark", angle=f"{-past:.2f}°")
 
 
-def gap_words(text: Catalogue, seen: ShopView) -> str:
+def gap_words(text: Catalogue, seen: WorkshopView) -> str:
     """Return how far the tool tip is from the part."""
     gap = seen.tool_gap_mm
     if gap is None:

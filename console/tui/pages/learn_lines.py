@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from console.session.learning.lessons import LeftWave, Taught
-from console.session.learning.part_lesson import PartLesson
+from console.session.learning.learning_steps import LeftWave, Taught
+from console.session.learning.part_learning import PartLearning
 from console.session.stages import Stage
 from console.session.station.state import Armed
 from console.session.work import Work
@@ -17,14 +17,14 @@ from profiles.compensations.path import expected
 _MARK = ("! ", Token.WARNING)
 
 
-def learn_title(lesson: PartLesson, text: Catalogue) -> str:
+def learn_title(lesson: PartLearning, text: Catalogue) -> str:
     """Return the title: how the part was cut."""
     made = lesson.made
     return text("inspect_page.learn", made=f"{made.strategy}, {made_words(text, made.version, made.stage)}")
 
 
 def learn_lines(
-    lesson: PartLesson, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
+    lesson: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool = False
 ) -> list[Line]:
     """Return what the part teaches, or why nothing: each wave, gain, convergence, and what the next cut uses.
 
@@ -46,14 +46,14 @@ def learn_lines(
     return lines
 
 
-def reason_lines(lesson: PartLesson, text: Catalogue, width: int) -> list[Line]:
+def reason_lines(lesson: PartLearning, text: Catalogue, width: int) -> list[Line]:
     """Return why the part teaches nothing, and what helps."""
     return [
         row for problem in lesson.reasons for row in hanging(_MARK, text.problem(problem), width, Token.WARNING)
     ]
 
 
-def is_kept(lesson: PartLesson | None, work: Work | None) -> bool:
+def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
     """Whether the next cut uses what this part teaches."""
     used = None if work is None else work.compensation
     if lesson is None or lesson.taught is None or used is None:

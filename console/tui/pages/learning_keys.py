@@ -10,14 +10,14 @@ from dataclasses import replace
 from console.session.cut.compensated import chosen_problems, using, without_learned
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
-from console.session.learning.part_lesson import PartLesson, accept, revert
+from console.session.learning.part_learning import PartLearning, accept, revert
 from console.session.work import STAGES, Work
-from console.tui.desk import Desk
+from console.tui.ui_context import UiContext
 from profiles.compensations.learned import HoldsFor
 from profiles.problem import Problem
 
 
-def accept_lesson(desk: Desk) -> None:
+def accept_lesson(desk: UiContext) -> None:
     """Keep what the measured part teaches; the next cut of its job uses it.
 
     Raises:
@@ -26,7 +26,7 @@ def accept_lesson(desk: Desk) -> None:
         ProfileError: as `accept`. Nothing was changed.
     """
     part = desk.control.state.measured
-    lesson: PartLesson | None = None if part is None else part.lesson
+    lesson: PartLearning | None = None if part is None else part.lesson
     if part is None or lesson is None:
         raise SessionError(Problem(code="learned.no_part"))
     if lesson.taught is None:
@@ -35,7 +35,7 @@ def accept_lesson(desk: Desk) -> None:
     desk.work = using(work, accept(lesson, desk.data))
 
 
-def revert_version(desk: Desk) -> None:
+def revert_version(desk: UiContext) -> None:
     """Keep the version before the one in use once more, and use it.
 
     Raises:
@@ -50,7 +50,7 @@ def revert_version(desk: Desk) -> None:
     desk.work = using(work, older)
 
 
-def _work_on(desk: Desk, job: str, holds_for: HoldsFor) -> Work:
+def _work_on(desk: UiContext, job: str, holds_for: HoldsFor) -> Work:
     """Return the work in hand, if it is that of the part, as it is filed."""
     work = desk.work
     if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
@@ -64,7 +64,7 @@ def _refuse_edited(work: Work) -> None:
         raise SessionError(Problem(code="learned.edited_now", key=work.loaded.job.name))
 
 
-def step_compensation(desk: Desk) -> None:
+def step_compensation(desk: UiContext) -> None:
     """Take the newest version for the job in hand, or the model again where that one is in use; say what is odd.
 
     Raises:
@@ -90,7 +90,7 @@ def step_compensation(desk: Desk) -> None:
     desk.said = date_problems(newest)
 
 
-def step_stage(desk: Desk) -> None:
+def step_stage(desk: UiContext) -> None:
     """Take the next stage: whole, air, half; what it cannot be cut with is said."""
     work = desk.work
     if work is None:
@@ -99,7 +99,7 @@ def step_stage(desk: Desk) -> None:
     say_what_does_not_hold(desk)
 
 
-def say_what_does_not_hold(desk: Desk) -> None:
+def say_what_does_not_hold(desk: UiContext) -> None:
     """Say why the job in hand may not be cut with what is chosen, if so."""
     if desk.work is not None:
         desk.said = chosen_problems(desk.work, simulated=desk.control.state.simulated)

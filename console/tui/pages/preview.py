@@ -17,7 +17,6 @@ from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import Catalogue
-from console.tui.desk import Desk, View
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, wrapped
 from console.tui.page import Page
@@ -41,6 +40,7 @@ from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.scale import nice_limits
 from console.tui.plot.trace_view import Series, TraceView
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.preview import Underway
@@ -118,7 +118,7 @@ class PreviewPage(Page):
     PreviewPage.-bare #preview-strategy, PreviewPage.-bare #preview-margins { height: 1fr; }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         text, palette = desk.text, desk.palette
         self._polar = PolarView(palette=palette, id="preview-polar")
@@ -181,7 +181,7 @@ class PreviewPage(Page):
         elif action in ("preview.up", "preview.down") and self._reading:
             self._program.scroll_pages(_SCROLL_PAGES if action == "preview.down" else -_SCROLL_PAGES)
 
-    def _choose(self, step: Callable[[Desk], None]) -> None:
+    def _choose(self, step: Callable[[UiContext], None]) -> None:
         """Step through what can be chosen, or say why not."""
         try:
             step(self.desk)
@@ -301,7 +301,7 @@ class PreviewPage(Page):
         self._margins.show(margin_lines(margins(seen, strategy), text, needs.width, needs.height, window))
 
 
-def _step_strategy(desk: Desk) -> None:
+def _step_strategy(desk: UiContext) -> None:
     """Take the next strategy. What was learned with another one stays chosen, and does not hold; that is said."""
     work = desk.work
     if work is not None:
@@ -310,7 +310,7 @@ def _step_strategy(desk: Desk) -> None:
         say_what_does_not_hold(desk)
 
 
-_CHOICES: dict[str, Callable[[Desk], None]] = {
+_CHOICES: dict[str, Callable[[UiContext], None]] = {
     "preview.strategy": _step_strategy,
     "preview.learned": step_compensation,
     "preview.stage": step_stage,

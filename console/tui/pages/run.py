@@ -14,11 +14,10 @@ from textual.containers import Horizontal, Vertical
 
 from console.session.cut.alignment import JawAngle
 from console.session.cut.compensated import with_news
-from console.session.station.intents import Arm, Disarm, Hold, Retract, Start
+from console.session.station.commands import Arm, Disarm, EndCut, Retract, Start
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress
 from console.session.station.state import Activity, StationState
-from console.tui.desk import Desk, View
 from console.tui.keymap import ACTIONS, PageName
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, line, wrapped
 from console.tui.page import Page
@@ -38,6 +37,7 @@ from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, 
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TraceView
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from console.tui.waiting import refusal
 from drivers.cutting.strategy import Strategy
 from profiles.problem import Problem
@@ -91,7 +91,7 @@ class RunPage(Page):
     RunPage.-roomy PolarView { display: block; }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         palette = desk.palette
         self._left = Sheet(palette, id="run-left")
@@ -251,7 +251,7 @@ class RunPage(Page):
         elif state.cut.holding:
             self._say("screen.holding_already")
         else:
-            self.desk.control.post(Hold())
+            self.desk.control.post(EndCut())
 
     def _retract(self) -> None:
         state = self.desk.control.state

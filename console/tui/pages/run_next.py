@@ -8,9 +8,9 @@ from console.session.stages import Stage
 from console.session.station.jogging import tool_in_part
 from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Activity, StationState
-from console.tui.desk import View
 from console.tui.pages.run_lines import checks, is_over
 from console.tui.theme import Token
+from console.tui.ui_context import View
 from profiles.machine import MachineProfile
 
 ENDED = (CutStage.DONE, CutStage.HELD)

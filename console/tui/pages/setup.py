@@ -13,7 +13,6 @@ from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity, StationState
 from console.session.work import Work, saved_as, undone
-from console.tui.desk import Desk, View
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, dim, hanging, line, name_in
@@ -21,6 +20,7 @@ from console.tui.page import Page
 from console.tui.pages.fields import FORM, FormField, free_name, judge, name_problem, named, with_unit, written
 from console.tui.pages.setup_lines import FormState, draft, finding_lines, form, speed_lines
 from console.tui.theme import Token
+from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
 from profiles.findings import Severity, refusals
@@ -67,7 +67,7 @@ class SetupPage(Page):
     .-wide SetupPage .form { width: 72; }
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: UiContext) -> None:
         super().__init__(desk)
         self._form = Sheet(desk.palette, classes="form")
         self._speed = Sheet(desk.palette, classes="speed")

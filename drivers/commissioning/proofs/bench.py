@@ -61,7 +61,7 @@ class Before:
 
 
 @dataclass(kw_only=True)
-class ProofBench:
+class TestRig:
     """One card, killed at the beginning; `corrected` are the motors that were given a table here.
 
     `owner` is the number of the console that proves, None where nobody else can reach the card. Once another one

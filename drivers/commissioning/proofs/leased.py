@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from drivers.commissioning.judged import JudgedAxis
 from drivers.commissioning.proofs.air_cut import Begin
-from drivers.commissioning.proofs.bench import REASON, ProofBench
+from drivers.commissioning.proofs.bench import REASON, TestRig
 from drivers.errors import DriverError
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.lease import PERIOD_MS
@@ -26,7 +26,7 @@ HOMING_ORDER = ("tool", "carriage", "spindle")
 class Leased:
     """The driven axes of a card whose heartbeat is in order. `starts` is where they were homed, counts."""
 
-    bench: ProofBench
+    bench: TestRig
     i10: float
     starts: dict[str, float] = field(default_factory=dict)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.commissioning.check import Check
-from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofBench, proof, unproven
+from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, TestRig, proof, unproven
 from drivers.commissioning.reading import ask_or_none
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
@@ -31,7 +31,7 @@ CAM_COUNTS = 200
 ENTRY = 16
 
 
-def source_delay(bench: ProofBench) -> Check:
+def source_delay(bench: TestRig) -> Check:
     """Measure how many servo cycles old the source of a table is, for a target on each side of it.
 
     The spindle alone is closed, and jogs so far that it comes to rest by itself; tool and carriage stay killed.
@@ -44,7 +44,7 @@ def source_delay(bench: ProofBench) -> Check:
     return proof("source_delay", holds=found == wanted, found=told, wanted=asked)
 
 
-def pvt_rounding(bench: ProofBench) -> Check:
+def pvt_rounding(bench: TestRig) -> Check:
     """Measure how long PVT segments of a broken number of ms take; the carriage moves to and fro by ten counts."""
     if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
         return unproven(["pvt_rounding"])[0]  # somebody's program is there
@@ -60,7 +60,7 @@ def pvt_rounding(bench: ProofBench) -> Check:
     return proof("pvt_rounding", holds=holds, found=f"{found_ms:.2f} ms", wanted=f"{wanted_ms:g} ms")
 
 
-def _delay(bench: ProofBench, spindle: int, target: int) -> int | None:
+def _delay(bench: TestRig, spindle: int, target: int) -> int | None:
     """Return the delay that explains what was gathered best, None where none does."""
     table = _cam(bench, spindle, target)
     bench.define(table)
@@ -96,13 +96,13 @@ def _best(data: GatheredData, table: CompensationTable, spindle: int, target: in
     return min(errors, key=errors.__getitem__)
 
 
-def _cam(bench: ProofBench, spindle: int, target: int) -> CompensationTable:
+def _cam(bench: TestRig, spindle: int, target: int) -> CompensationTable:
     span = bench.judged.machine.spindle.counts_per_rev
     definition = TableDefinition(motor=target, sources=(TableSource(spindle, span),), target=target, columns=2)
     return definition.filled((CAM_COUNTS * ENTRY, 0))
 
 
-def _jog_counts(bench: ProofBench, motor: int) -> str:
+def _jog_counts(bench: TestRig, motor: int) -> str:
     speed = abs(bench.judged.value(bench.dialect.motor_index(motor, 22)) or 0.0)
     return format_constant(float(round(speed * JOG_S * 1000.0)))
 
@@ -113,7 +113,7 @@ class _Axis:
     scale: float
 
 
-def _load(bench: ProofBench) -> None:
+def _load(bench: TestRig) -> None:
     """Enter the program that goes to and fro; the motors are closed already."""
     carriage = bench.motor("carriage")
     definitions = read_definitions(bench.judged.machine.controller.axis_definitions)
@@ -137,7 +137,7 @@ def _load(bench: ProofBench) -> None:
     )
 
 
-def _run(bench: ProofBench) -> float:
+def _run(bench: TestRig) -> float:
     """Run the program; return how long it took, ms."""
     bench.move(f"&1B{PROGRAM}R")
     began_s = bench.clock.now_s()
@@ -147,14 +147,14 @@ def _run(bench: ProofBench) -> float:
     return (bench.clock.now_s() - began_s) * 1000.0
 
 
-def _arrived(bench: ProofBench) -> bool:
+def _arrived(bench: TestRig) -> bool:
     (digits_,) = bench.client.query("&1??", again=True)
     flags = decode(digits_, bench.dialect.system_bits)
     motor = bench.flags(bench.motor("carriage"))
     return "running_program" not in flags and "move_timer_active" not in motor
 
 
-def _segment_ms(bench: ProofBench) -> tuple[float, float]:
+def _segment_ms(bench: TestRig) -> tuple[float, float]:
     """Return how long a segment is to take, and how long it would by the other rule."""
     switch = bench.dialect.segment_time_switch
     exact = switch is not None and not bench.judged.value(switch)
@@ -162,7 +162,7 @@ def _segment_ms(bench: ProofBench) -> tuple[float, float]:
     return (PVT_MS, whole) if exact else (whole, PVT_MS)
 
 
-def _rest(bench: ProofBench, motor: int) -> float:
+def _rest(bench: TestRig, motor: int) -> float:
     """Wait until a motor is commanded to stand still; return where it is."""
     end = bench.clock.now_s() + REST_TIMEOUT_S
     while bench.clock.now_s() < end:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from drivers.clock import Clock
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, ProofBench, names_of, proof, unproven
+from drivers.commissioning.proofs.bench import CHANNELS, SETTLE_S, Before, TestRig, names_of, proof, unproven
 from drivers.commissioning.proofs.motion import pvt_rounding, source_delay
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.proofs.tables import compensation_edge, delete_order, fails, roll_over, table_zero
@@ -37,7 +37,7 @@ TOLERANCE = 0.02
 """Of the rate: what two round trips may hide."""
 
 
-def servo_rate(bench: ProofBench) -> Check:
+def servo_rate(bench: TestRig) -> Check:
     """Measure the servo rate with the last timer of the family; it is left to count."""
     name = _timer(bench)
     bench.tell(f"{name}={BEGIN_CYCLES}")
@@ -55,7 +55,7 @@ def servo_rate(bench: ProofBench) -> Check:
     return proof("servo_rate", holds=holds, found=f"{digits(found_us)} us", wanted=f"{digits(wanted_us)} us")
 
 
-def _timer(bench: ProofBench) -> str:
+def _timer(bench: TestRig) -> str:
     """Return the variable that is the timer; of a family without such settings, the spare one points at it."""
     dialect = bench.dialect
     if dialect.timer_numbers:
@@ -66,7 +66,7 @@ def _timer(bench: ProofBench) -> str:
     return name
 
 
-Proof = Callable[[ProofBench], Check]
+Proof = Callable[[TestRig], Check]
 
 KILLED: Mapping[str, Proof] = {
     "servo_rate": servo_rate,
@@ -112,7 +112,7 @@ def prove(
         return Proven(checks=(first, *unproven(names)))
     if owner is None:
         (owner,) = client.numbers(f"P{OWNER}", again=True)
-    bench = ProofBench(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
+    bench = TestRig(client=client, stop=stop, clock=clock, judged=judged, owner=owner, owner_seen=owner_seen)
     before = _before(bench)
     checks: list[Check] = []
     stops = MeasuredStops()
@@ -131,7 +131,7 @@ def prove(
     return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
 
 
-def _stage(bench: ProofBench, proofs: Mapping[str, Proof]) -> list[Check]:
+def _stage(bench: TestRig, proofs: Mapping[str, Proof]) -> list[Check]:
     checks = []
     for name, carry_out in proofs.items():
         try:
@@ -146,7 +146,7 @@ def _stage(bench: ProofBench, proofs: Mapping[str, Proof]) -> list[Check]:
     return checks
 
 
-def _closed(bench: ProofBench) -> list[Check]:
+def _closed(bench: TestRig) -> list[Check]:
     """Carry out what needs every loop closed, and open them again."""
     for axis in bench.judged.axes:
         bench.move(f"#{axis.motor}J/")
@@ -158,7 +158,7 @@ def _closed(bench: ProofBench) -> list[Check]:
     return checks
 
 
-def _leave(bench: ProofBench, before: Before) -> None:
+def _leave(bench: TestRig, before: Before) -> None:
     """Kill every drive, and put everything back that can be; what is another's is left as it is."""
     if bench.ousted:
         return
@@ -168,7 +168,7 @@ def _leave(bench: ProofBench, before: Before) -> None:
     bench.put_back(before)
 
 
-def _before(bench: ProofBench) -> Before:
+def _before(bench: TestRig) -> Before:
     """Read what the proofs use of the card: the spare M-variable, and what it gathers."""
     spare, gather = bench.spare, bench.dialect.gathering
     extent = Extent(settings=(), pointers=(range(spare, spare + 1),), motors=(), programs=())

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
-from drivers.commissioning.proofs.bench import REASON, ProofBench
+from drivers.commissioning.proofs.bench import REASON, TestRig
 from drivers.commissioning.proofs.leased import TRIES, Leased
 from drivers.commissioning.proofs.stop_results import SeenStop, seen_speed, speed_of, stop_checks, stop_entries
 from drivers.commissioning.reading import ask_or_none
@@ -34,7 +34,7 @@ QUESTION = "P0..99"
 """It changes nothing, and takes a card longer to answer than a stop takes to come."""
 
 
-def past_a_question(bench: ProofBench, press: Callable[[str], None]) -> bool:
+def past_a_question(bench: TestRig, press: Callable[[str], None]) -> bool:
     """Press; return whether the board kept apart what goes on two connections. On one there is no question.
 
     Raises:
@@ -82,7 +82,7 @@ class MeasuredStops:
     checks: tuple[Check, ...] = ()
 
 
-def prove_stops(bench: ProofBench) -> MeasuredStops:
+def prove_stops(bench: TestRig) -> MeasuredStops:
     """Load the heartbeat, home, and stop the machine in every way that there is for it, until one fails.
 
     The drives are killed at the beginning. At the end the loops may be closed; the heartbeat stays on the card.
@@ -109,7 +109,7 @@ def prove_stops(bench: ProofBench) -> MeasuredStops:
             _unload(bench)
 
 
-def _all(bench: ProofBench, axes: Leased, origins: tuple[Origin, ...]) -> MeasuredStops:
+def _all(bench: TestRig, axes: Leased, origins: tuple[Origin, ...]) -> MeasuredStops:
     needed = {(way, origin) for way, origin, _ in needed_stops(bench.judged.machine)}
     entries: list[StopEntry] = []
     checks: list[Check] = []
@@ -124,7 +124,7 @@ def _all(bench: ProofBench, axes: Leased, origins: tuple[Origin, ...]) -> Measur
     return MeasuredStops(entries=tuple(entries), checks=tuple(checks))
 
 
-def _load(bench: ProofBench, axes: Leased) -> bool:
+def _load(bench: TestRig, axes: Leased) -> bool:
     """Enter the cut in air, unless somebody's program is there; return whether it was entered."""
     if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
         return False
@@ -133,12 +133,12 @@ def _load(bench: ProofBench, axes: Leased) -> bool:
     return True
 
 
-def _unload(bench: ProofBench) -> None:
+def _unload(bench: TestRig) -> None:
     with suppress(DriverError):  # after a stop the program may not have ended yet
         bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
-def _measured(bench: ProofBench, axes: Leased, way: Way, origin: Origin) -> SeenStop:
+def _measured(bench: TestRig, axes: Leased, way: Way, origin: Origin) -> SeenStop:
     """Move, stop, and look on; begun anew when this host was held up and the card has ended the motion before.
 
     Raises:
@@ -160,7 +160,7 @@ def _measured(bench: ProofBench, axes: Leased, way: Way, origin: Origin) -> Seen
     raise DriverError(Problem(code="heartbeat.lapsed", where=bench.client.link.address))
 
 
-def _begin(bench: ProofBench, axes: Leased, origin: Origin) -> tuple[str, float]:
+def _begin(bench: TestRig, axes: Leased, origin: Origin) -> tuple[str, float]:
     """Return the line that begins a motion, and how long it is kept up, s."""
     machine, keeper = bench.judged.machine, axes.keeper
     if origin is Origin.JOG:
@@ -174,7 +174,7 @@ def _begin(bench: ProofBench, axes: Leased, origin: Origin) -> tuple[str, float]
     return f"{line} {start}", air_cut(machine).full_speed_s + AT_SPEED_S
 
 
-def _at_speed(bench: ProofBench, axes: Leased, origin: Origin, kept_s: float) -> tuple[Look, bool]:
+def _at_speed(bench: TestRig, axes: Leased, origin: Origin, kept_s: float) -> tuple[Look, bool]:
     """Keep a motion up until it is seen at its speed; return the last look, and whether it was."""
     for _ in range(LOOKS_FOR_SPEED):
         looks = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
@@ -189,7 +189,7 @@ def _at_speed(bench: ProofBench, axes: Leased, origin: Origin, kept_s: float) ->
     return looks[-1], at_speed
 
 
-def _silence(bench: ProofBench, axes: Leased, before: Look) -> SeenStop:
+def _silence(bench: TestRig, axes: Leased, before: Look) -> SeenStop:
     found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.LEASE])
     bench.moving = found.at_rest_s is None
     return SeenStop(
@@ -202,7 +202,7 @@ def _silence(bench: ProofBench, axes: Leased, before: Look) -> SeenStop:
     )
 
 
-def _press(bench: ProofBench, axes: Leased, way: Way, before: Look) -> SeenStop:
+def _press(bench: TestRig, axes: Leased, way: Way, before: Look) -> SeenStop:
     """Stop by a control character, and take that stop back when all rests; one of somebody else stays."""
     stop = bench.stop
     earlier = stop.mark or 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check
-from drivers.commissioning.proofs.bench import ProofBench, proof, unproven
+from drivers.commissioning.proofs.bench import TestRig, proof, unproven
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
 from drivers.pmac.compensation.table_text import definition_text
 from profiles.findings import Severity
@@ -20,7 +20,7 @@ LEAST_TURNED = 64.0
 """Counts that a source must be away from its zero, to be rolled over."""
 
 
-def compensation_edge(bench: ProofBench) -> Check:
+def compensation_edge(bench: TestRig) -> Check:
     """Prove that the last correction stays when I51 goes to 0, and that it can be cleared by hand then."""
     target = bench.motor("carriage")
     bench.define(_table(bench, target, span=bench.judged.machine.spindle.counts_per_rev, entries=(160,) * 4))
@@ -39,7 +39,7 @@ def compensation_edge(bench: ProofBench) -> Check:
     return proof("compensation_edge", holds=holds, found=found, wanted=f"{FLAT_COUNTS:g}, {FLAT_COUNTS:g}, 0")
 
 
-def table_zero(bench: ProofBench) -> Check:
+def table_zero(bench: TestRig) -> Check:
     """Prove what the correction at the zero of the source is: the last entry, also where that is not 0."""
     target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
     # So long that the source stands within the first spacing, or within the last one.
@@ -50,7 +50,7 @@ def table_zero(bench: ProofBench) -> Check:
     return proof("table_zero", holds=_near(found, wanted), found=digits(found), wanted=digits(wanted))
 
 
-def roll_over(bench: ProofBench) -> Check:
+def roll_over(bench: TestRig) -> Check:
     """Prove that a source beyond the span is folded into it."""
     target, here = bench.motor("carriage"), bench.position(bench.motor("spindle"))
     if abs(here) < LEAST_TURNED:
@@ -63,7 +63,7 @@ def roll_over(bench: ProofBench) -> Check:
     return proof("roll_over", holds=holds, found=digits(found), wanted=digits(wanted))
 
 
-def delete_order(bench: ProofBench) -> Check:
+def delete_order(bench: TestRig) -> Check:
     """Prove the order of tables in memory: defined high to low, deleted low to high, in front of gathering."""
     low, high = sorted((bench.motor("tool"), bench.motor("carriage")))
     tables = {
@@ -85,7 +85,7 @@ def delete_order(bench: ProofBench) -> Check:
     return proof("delete_order", holds=all(refused), found=found, wanted="ERR003, ERR003, ERR003")
 
 
-def _correction(bench: ProofBench, table: CompensationTable) -> float:
+def _correction(bench: TestRig, table: CompensationTable) -> float:
     """Return the correction of a table that is switched on for this alone."""
     target = table.definition.target
     bench.define(table)
@@ -96,7 +96,7 @@ def _correction(bench: ProofBench, table: CompensationTable) -> float:
     return found
 
 
-def _table(bench: ProofBench, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
+def _table(bench: TestRig, target: int, span: int, entries: tuple[int, ...]) -> CompensationTable:
     definition = TableDefinition(
         motor=target,
         sources=(TableSource(bench.motor("spindle"), span),),

@@ -17,7 +17,7 @@ from drivers.pmac.status import decode
 from profiles.problem import Problem
 
 LOOK_EVERY_S = 0.01
-LOOKS_AT_REST = 3
+POLLS_AT_REST = 3
 REST_BAND_COUNTS = 2.0
 """Rest is so many looks in a row, between which a motor goes no further than this: an encoder trembles by one."""
 
@@ -103,15 +103,15 @@ class Watch:
 
 def rests(looks: Sequence[Look]) -> bool:
     """Whether everything rests by the last looks."""
-    last = looks[-LOOKS_AT_REST:]
-    return len(last) == LOOKS_AT_REST and all(_rested(last, motor) for motor in last[0].positions)
+    last = looks[-POLLS_AT_REST:]
+    return len(last) == POLLS_AT_REST and all(_rested(last, motor) for motor in last[0].positions)
 
 
 def rest_s(looks: Sequence[Look], *motors: int) -> float | None:
     """Return when motors (all, if none is named) were first seen at rest for good; None: they were not."""
     found = None
-    for place in range(len(looks) - LOOKS_AT_REST, -1, -1):
-        window = looks[place : place + LOOKS_AT_REST]
+    for place in range(len(looks) - POLLS_AT_REST, -1, -1):
+        window = looks[place : place + POLLS_AT_REST]
         if not all(_rested(window, motor) for motor in motors or window[0].positions):
             break
         found = window[0].answered_s

@@ -60,7 +60,7 @@ class MotorLoop:
         self._home = home
         self._jog = JogMotion(number, variables)
         self._power_up_origin = axis.origin
-        self._looks = 0
+        self._poller = 0
         self._guard = read_guard(variables, number)
         self._guard_revision = variables.i_revision
 
@@ -103,7 +103,7 @@ class MotorLoop:
     def in_position(self) -> bool:
         """Closed loop, at rest, no program timer, and within Ix28, for as many scans as are asked for."""
         guard = self.guard
-        return self._looks > guard.looks and self._settled(abs(self.following_error), guard)
+        return self._poller > guard.looks and self._settled(abs(self.following_error), guard)
 
     @property
     def guard(self) -> Guard:
@@ -169,7 +169,7 @@ class MotorLoop:
     def look(self) -> Alarm | None:
         """Look at limits, following error and position, as the background does; say what calls for action."""
         if not self.enabled and self._output is None:
-            self._looks = 0
+            self._poller = 0
             return None
         guard = self.guard
         here = self.encoder
@@ -177,7 +177,7 @@ class MotorLoop:
         travel = self.travel
         if not guard.lowest <= here <= guard.highest or travel.concerned:
             self._look_at_travel(here, guard)
-        self._looks = self._looks + 1 if self._settled(error, guard) else 0
+        self._poller = self._poller + 1 if self._settled(error, guard) else 0
         if self.fault_input and guard.fault_used:
             return Alarm.AMPLIFIER
         if error > guard.fatal_error:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 from drivers.simulator.faults.catalogue import AFTER, FOR, SEED, Fault, find
-from drivers.simulator.faults.effects import Effect, Site, effect_of, untold
+from drivers.simulator.faults.effects import Effect, FaultTarget, effect_of, untold
 from drivers.simulator.faults.parameter import Parameter, Value, refusal
 
 MOST_FAULTS = 1000
@@ -51,7 +51,7 @@ class _Entry:
 class FaultBoard:
     """Faults on demand; any number of them at once."""
 
-    def __init__(self, site: Site) -> None:
+    def __init__(self, site: FaultTarget) -> None:
         """`site` is what they happen to."""
         self._site = site
         self._entries: list[_Entry] = []

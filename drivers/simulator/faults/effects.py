@@ -37,7 +37,7 @@ class Rippling(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Site:
+class FaultTarget:
     """What faults happen to.
 
     `motors` are the numbers by axis name, `cut` cuts every connection that there is, `card` is what another host
@@ -82,7 +82,7 @@ class Effect:
     outcome: Callable[[], str] = untold
 
 
-def effect_of(name: str, values: Mapping[str, Value], random: Random, site: Site) -> Effect:
+def effect_of(name: str, values: Mapping[str, Value], random: Random, site: FaultTarget) -> Effect:
     """Return what the fault of a name does, with a value for each of its parameters."""
     if name in SPOILERS or name in CARRIERS:
         return _on_lines(name, values, random, site.lines)
@@ -107,7 +107,7 @@ def _listed(item: _Item, listed: list[_Item], chance: Chance) -> Effect:
     return Effect(begin=begin, end=lambda: listed.remove(item), over=lambda: chance.left <= 0)
 
 
-def _cut_cable(_: Mapping[str, Value], site: Site) -> Effect:
+def _cut_cable(_: Mapping[str, Value], site: FaultTarget) -> Effect:
     def begin() -> None:
         site.lines.cut = True
         site.cut()
@@ -118,7 +118,7 @@ def _cut_cable(_: Mapping[str, Value], site: Site) -> Effect:
     return Effect(begin=begin, end=end)
 
 
-def _garbled_line(values: Mapping[str, Value], site: Site) -> Effect:
+def _garbled_line(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     find, replace = (str(values[name]).encode("ascii") for name in ("find", "replace"))
     garbling, listed = Garbling(find=find, replace=replace), site.lines.garblings
 
@@ -129,14 +129,14 @@ def _garbled_line(values: Mapping[str, Value], site: Site) -> Effect:
     return Effect(begin=begin, end=lambda: listed.remove(garbling), over=lambda: garbling.over)
 
 
-def _hang(_: Mapping[str, Value], site: Site) -> Effect:
+def _hang(_: Mapping[str, Value], site: FaultTarget) -> Effect:
     def switch(hung: bool) -> None:
         site.lines.hung = hung
 
     return Effect(begin=lambda: switch(True), end=lambda: switch(False))
 
 
-def _encoder_loss(values: Mapping[str, Value], site: Site) -> Effect:
+def _encoder_loss(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     axis = site.motor(values).axis
 
     def switch(lost: bool) -> None:
@@ -145,21 +145,21 @@ def _encoder_loss(values: Mapping[str, Value], site: Site) -> Effect:
     return Effect(begin=lambda: switch(True), end=lambda: switch(False))
 
 
-def _index_lost(values: Mapping[str, Value], site: Site) -> Effect:
+def _index_lost(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     def switch(lost: bool) -> None:
         site.motor(values).index_lost = lost
 
     return Effect(begin=lambda: switch(True), end=lambda: switch(False))
 
 
-def _amplifier_fault(values: Mapping[str, Value], site: Site) -> Effect:
+def _amplifier_fault(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     def switch(faulty: bool) -> None:
         site.motor(values).fault_input = faulty
 
     return Effect(begin=lambda: switch(True), end=lambda: switch(False))
 
 
-def _limit(values: Mapping[str, Value], site: Site) -> Effect:
+def _limit(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     def switch(opened: bool) -> None:
         travel = site.motor(values).travel
         if values["direction"] == "positive":
@@ -170,7 +170,7 @@ def _limit(values: Mapping[str, Value], site: Site) -> Effect:
     return Effect(begin=lambda: switch(True), end=lambda: switch(False))
 
 
-def _jam(values: Mapping[str, Value], site: Site) -> Effect:
+def _jam(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     motor = site.motor(values)
     axis = motor.axis
     seen_sound = False
@@ -187,7 +187,7 @@ def _jam(values: Mapping[str, Value], site: Site) -> Effect:
     return Effect(begin=lambda: switch(True), end=lambda: switch(False), over=tripped)
 
 
-def _ripple(values: Mapping[str, Value], site: Site) -> Effect:
+def _ripple(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     axis = cast(Rippling, site.motor({"motor": "spindle"}).axis)
 
     def swing() -> None:
@@ -197,16 +197,16 @@ def _ripple(values: Mapping[str, Value], site: Site) -> Effect:
     return Effect(begin=swing, end=axis.swing_as_built)
 
 
-def _watchdog(_: Mapping[str, Value], site: Site) -> Effect:
+def _watchdog(_: Mapping[str, Value], site: FaultTarget) -> Effect:
     return Effect(begin=site.background.trip, over=lambda: not site.background.tripped)
 
 
-def _slow_background(values: Mapping[str, Value], site: Site) -> Effect:
+def _slow_background(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     slow_down = site.background.slow_down
     return Effect(begin=lambda: slow_down(float(values["cycle_ms"])), end=lambda: slow_down(0.0))
 
 
-def _stranger(values: Mapping[str, Value], site: Site) -> Effect:
+def _stranger(values: Mapping[str, Value], site: FaultTarget) -> Effect:
     stranger = Stranger(site.card)
     return Effect(
         begin=lambda: stranger.write(_line_of_stranger(values, site)),
@@ -216,7 +216,7 @@ def _stranger(values: Mapping[str, Value], site: Site) -> Effect:
     )
 
 
-def _line_of_stranger(values: Mapping[str, Value], site: Site) -> str:
+def _line_of_stranger(values: Mapping[str, Value], site: FaultTarget) -> str:
     if "line" in values:
         return str(values["line"])
     variables, tool = site.controller.variables, site.motors["tool"]
@@ -224,7 +224,7 @@ def _line_of_stranger(values: Mapping[str, Value], site: Site) -> str:
     return f"I{index}={0.9 * variables.i(index):g}"
 
 
-_EFFECTS: Mapping[str, Callable[[Mapping[str, Value], Site], Effect]] = {
+_EFFECTS: Mapping[str, Callable[[Mapping[str, Value], FaultTarget], Effect]] = {
     "garbled-line": _garbled_line,
     "cut-cable": _cut_cable,
     "hang": _hang,

@@ -23,7 +23,7 @@ from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
 from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
-from drivers.simulator.plant.shop_view import ShopView
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.files import printable
 from profiles.job import Job
 from profiles.own_values import from_json
@@ -104,14 +104,14 @@ class SimulatorProcess:
             column.setflags(write=False)
         return Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=MappingProxyType(said["meta"]))
 
-    def look(self) -> ShopView:
+    def look(self) -> WorkshopView:
         """Look at the chuck.
 
         Raises:
             LinkError: `simulator.gone`.
         """
         said = self._ask("look")
-        return ShopView(**{**said, "collisions": tuple(said["collisions"])})
+        return WorkshopView(**{**said, "collisions": tuple(said["collisions"])})
 
     def set_spindle(self, rpm: float | None) -> None:
         """Set a spindle on an inverter as at the lathe: it ramps to `rpm`, or runs out where that is None.

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulator.plant.collision import Collision
-from drivers.simulator.plant.shop_view import ShopView
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.workpiece import ANGLES, Workpiece
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.traces import Trace
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ def look_at(
     z_mm: float,
     jaw_1_deg: float,
     collisions: Sequence[Collision] = (),
-) -> ShopView:
+) -> WorkshopView:
     """Return what is seen with the tool tip at radius `tip_mm` and Z `z_mm`, the spindle `turns` from its index.
 
     `length_mm` is where the part stands along Z, from its free end to the jaw faces; `jaw_1_deg` the spindle angle
@@ -71,7 +71,7 @@ def look_at(
     gap_mm = None
     if part is not None and length_mm[0] <= z_mm <= length_mm[1]:
         gap_mm = round(tip_mm - part.clamped_radius_mm(turns, z_mm), 3)
-    return ShopView(
+    return WorkshopView(
         jaw_1_past_mark_deg=round(past_deg - 360.0 if past_deg > 180.0 else past_deg, 2),
         tool_gap_mm=gap_mm,
         collisions=tuple(collision.kind.value for collision in collisions),

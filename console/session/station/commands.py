@@ -28,12 +28,12 @@ class ConfirmClamping:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchOn:
+class EnableDrives:
     """Close the loops of all axes where they stand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchOff:
+class DisableDrives:
     """Open all loops, at rest."""
 
 
@@ -101,7 +101,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hold:
+class EndCut:
     """End the cut at the end of the present turn, tool out first."""
 
 
@@ -116,7 +116,7 @@ class Recover:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TakeOver:
+class TakeControl:
     """Take the machine from the console that controls it, at rest. Nothing moves."""
 
 
@@ -132,11 +132,11 @@ class Acknowledge:
     shown: tuple[Problem, ...] = ()
 
 
-Intent = (
+Command = (
     Verify
     | ConfirmClamping
-    | SwitchOn
-    | SwitchOff
+    | EnableDrives
+    | DisableDrives
     | Home
     | Approach
     | Jog
@@ -146,10 +146,10 @@ Intent = (
     | Arm
     | Disarm
     | Start
-    | Hold
+    | EndCut
     | Retract
     | Recover
-    | TakeOver
+    | TakeControl
     | Measure
     | Acknowledge
 )

@@ -15,14 +15,15 @@ from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job, refuse_unless
 from console.session.cut.run import roundness_of
 from console.session.errors import SessionError
-from console.session.learning.part_lesson import lesson_of
+from console.session.learning.part_learning import learning_of
 from console.session.station.alarms import recovered
-from console.session.station.cutting import arm, disarm, retract, start
-from console.session.station.intents import (
+from console.session.station.commands import (
     Approach,
     Arm,
     ConfirmClamping,
+    DisableDrives,
     Disarm,
+    EnableDrives,
     Forget,
     Home,
     Jog,
@@ -30,13 +31,13 @@ from console.session.station.intents import (
     Recover,
     Retract,
     Start,
-    SwitchOff,
-    SwitchOn,
+    TakeControl,
     TakeJaw,
-    TakeOver,
     TakeTouchOff,
     Verify,
 )
+from console.session.station.context import StationContext
+from console.session.station.cutting import arm, disarm, retract, start
 from console.session.station.jogging import (
     TOUCH_OFF_BAND_MM,
     counts_per_unit,
@@ -46,7 +47,6 @@ from console.session.station.jogging import (
     tool_in_part,
 )
 from console.session.station.state import Activity, MeasuredPart
-from console.session.station.workplace import Workplace
 from drivers.errors import ControllerError
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
@@ -60,14 +60,14 @@ OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
 STILL_S, STILL_COUNTS = 0.2, 2.0
 """Two looks so far apart may differ by so much: 0.06 rpm of the spindle."""
 
-STILL_PATIENCE_S = 3.0
+STILL_TIMEOUT_S = 3.0
 """An axis that was switched off a moment ago may still settle; a spindle that runs out takes longer."""
 
 OVER_PART_MM = 2.0
 """How far behind the face of the part the tool stands for the touch-off."""
 
 
-def verify(place: Workplace, _: Verify) -> None:
+def verify(place: StationContext, _: Verify) -> None:
     """Compare the controller with its profile; its owner looks for what tables would add to the tool, too."""
     if place.state.controls:
         place.lathe.program.put_back()
@@ -79,17 +79,17 @@ def verify(place: Workplace, _: Verify) -> None:
     place.tell(alignment=replace(place.state.alignment, settings=settings))
 
 
-def take_over(place: Workplace, order: TakeOver) -> None:
+def take_control(place: StationContext, order: TakeControl) -> None:
     """Take control of the machine, whoever had it. What was aligned from another console is not known here."""
-    place.owning.take_over()
+    place.owning.take_control()
     if not place.lathe.snapshot().loops_open:
-        place.lathe.hands_clear()  # whoever had the machine has switched it on since
+        place.lathe.confirm_nobody_inside()  # whoever had the machine has switched it on since
     place.tell_standing()
     place.end_alarms(*OWNER_CODES)
     verify(place, Verify())
 
 
-def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
+def confirm_clamping(place: StationContext, order: ConfirmClamping) -> None:
     """Take the operator's word that the blank is clamped; in the simulator, clamp it."""
     if not place.lathe.snapshot().loops_open:
         raise SessionError(Problem(code="alignment.drives_on"))
@@ -105,7 +105,7 @@ def confirm_clamping(place: Workplace, order: ConfirmClamping) -> None:
     place.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
 
 
-def switch_on(place: Workplace, _: SwitchOn) -> None:
+def switch_on(place: StationContext, _: EnableDrives) -> None:
     """Close the loops, on a controller that is set as its profile says."""
     settings = place.state.alignment.settings
     if settings is None:
@@ -113,7 +113,7 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
     if settings:
         raise SessionError(*settings)
     _refuse_unless_still(place)
-    place.lathe.hands_clear()
+    place.lathe.confirm_nobody_inside()
     try:
         place.lathe.enable()
     except ControllerError as refused:
@@ -122,19 +122,19 @@ def switch_on(place: Workplace, _: SwitchOn) -> None:
         raise SessionError(*refused.problems) from refused
 
 
-def switch_off(place: Workplace, _: SwitchOff) -> None:
+def switch_off(place: StationContext, _: DisableDrives) -> None:
     """Open the loops."""
     place.lathe.switch_off()
     place.lathe.program.put_back()
 
 
-def home(place: Workplace, _: Home) -> None:
+def home(place: StationContext, _: Home) -> None:
     """Find the zeros."""
     _refuse_without_drives(place)
     place.lathe.home()
 
 
-def approach(place: Workplace, order: Approach) -> None:
+def approach(place: StationContext, order: Approach) -> None:
     """Tool out, carriage over the part, tool in to the retract distance."""
     _refuse_unless_homed(place)
     machine = place.machine
@@ -148,7 +148,7 @@ def approach(place: Workplace, order: Approach) -> None:
     lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
 
 
-def jog(place: Workplace, order: Jog) -> None:
+def jog(place: StationContext, order: Jog) -> None:
     """One step; toward the work no further than to the part that is clamped, as far as that is known."""
     _refuse_unless_homed(place)
     if order.axis is AxisName.TOOL:
@@ -160,7 +160,7 @@ def jog(place: Workplace, order: Jog) -> None:
     place.lathe.jog_by(order.axis, order.distance * counts_per_unit(place.machine, order.axis))
 
 
-def take_jaw(place: Workplace, _: TakeJaw) -> None:
+def take_jaw(place: StationContext, _: TakeJaw) -> None:
     """Jaw 1 is where the spindle stands."""
     _refuse_unless_homed(place)
     snapshot = place.lathe.snapshot()
@@ -171,7 +171,7 @@ def take_jaw(place: Workplace, _: TakeJaw) -> None:
     place.tell(alignment=jaw_found(alignment, angle_deg, jaws, place.local_time()))
 
 
-def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
+def take_touch_off(place: StationContext, order: TakeTouchOff) -> None:
     """The tool tip is at this radius where it stands."""
     _refuse_unless_homed(place)
     snapshot = place.lathe.snapshot()
@@ -190,7 +190,7 @@ def take_touch_off(place: Workplace, order: TakeTouchOff) -> None:
     place.tell(alignment=replace(alignment, touch_off=stamp))
 
 
-def forget(place: Workplace, _: Forget) -> None:
+def forget(place: StationContext, _: Forget) -> None:
     """One reading back: the touch-off, or jaw 1 where there is none."""
     alignment = place.state.alignment
     if alignment.touch_off is not None:
@@ -199,7 +199,7 @@ def forget(place: Workplace, _: Forget) -> None:
         place.tell(alignment=replace(alignment, jaw=None))
 
 
-def recover(place: Workplace, _: Recover) -> None:
+def recover(place: StationContext, _: Recover) -> None:
     """The operator goes on after a stop; nothing moves, and what moved does not go on."""
     place.lathe.stop.release()
     if place.state.controls:
@@ -209,7 +209,7 @@ def recover(place: Workplace, _: Recover) -> None:
     place.limits_seen = place.lathe.snapshot().limits
 
 
-def measure(place: Workplace, _: Measure) -> None:
+def measure(place: StationContext, _: Measure) -> None:
     """Drives off, chuck open, part on the gauge."""
     if place.shop is None:
         raise SessionError(Problem(code="session.no_gauge"))
@@ -232,7 +232,7 @@ def measure(place: Workplace, _: Measure) -> None:
         result=result,
         jaw_1_deg=started.job.jaw_1_deg,
         marks_mm=place.state.marks_mm,
-        lesson=lesson_of(
+        lesson=learning_of(
             started.loaded, started.job.name, started.made, trace, place.loaded_machine, place.records
         ),
     )
@@ -244,32 +244,32 @@ def measure(place: Workplace, _: Measure) -> None:
     place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
 
 
-def arm_order(place: Workplace, order: Arm) -> None:
+def arm_order(place: StationContext, order: Arm) -> None:
     """Arm for the job with jaw 1 where it was found."""
     arm(place, order, aligned_job(order.job, place.state.alignment))
 
 
-def _refuse_without_drives(place: Workplace) -> None:
+def _refuse_without_drives(place: StationContext) -> None:
     if not place.lathe.snapshot().loops_closed:
         raise SessionError(Problem(code="alignment.drives_off"))
 
 
-def _refuse_unless_homed(place: Workplace) -> None:
+def _refuse_unless_homed(place: StationContext) -> None:
     _refuse_without_drives(place)
     if not place.lathe.snapshot().homed:
         raise SessionError(Problem(code="alignment.not_homed"))
 
 
-def _refuse_tool_in_part(place: Workplace) -> None:
+def _refuse_tool_in_part(place: StationContext) -> None:
     """Refuse to touch the part that is in the chuck while the tool stands in it."""
     alignment, nominal = place.state.alignment, place.loaded_machine.machine
     if tool_in_part(place.lathe.snapshot(), nominal, alignment):
         raise SessionError(Problem(code="machine.tool_in_part"))
 
 
-def _refuse_unless_still(place: Workplace) -> None:
+def _refuse_unless_still(place: StationContext) -> None:
     """Refuse while anything turns: with open loops rest is what two looks show, not what is commanded."""
-    deadline_s = place.clock.now_s() + STILL_PATIENCE_S
+    deadline_s = place.clock.now_s() + STILL_TIMEOUT_S
     before = place.lathe.snapshot()
     while place.clock.now_s() < deadline_s:
         place.clock.wait(STILL_S)
@@ -285,11 +285,11 @@ def _refuse_unless_at_rest(at_rest: bool) -> None:
         raise SessionError(Problem(code="machine.moving"))
 
 
-ORDERS: dict[type[Any], tuple[Activity, Callable[[Workplace, Any], None]]] = {
+HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]] = {
     Verify: (Activity.VERIFYING, verify),
     ConfirmClamping: (Activity.CLAMPING, confirm_clamping),
-    SwitchOn: (Activity.SWITCHING, switch_on),
-    SwitchOff: (Activity.SWITCHING, switch_off),
+    EnableDrives: (Activity.SWITCHING, switch_on),
+    DisableDrives: (Activity.SWITCHING, switch_off),
     Home: (Activity.HOMING, home),
     Approach: (Activity.APPROACHING, approach),
     Jog: (Activity.JOGGING, jog),
@@ -301,7 +301,7 @@ ORDERS: dict[type[Any], tuple[Activity, Callable[[Workplace, Any], None]]] = {
     Start: (Activity.POSITIONING, start),
     Retract: (Activity.RETRACTING, retract),
     Recover: (Activity.STOPPED, recover),
-    TakeOver: (Activity.VERIFYING, take_over),
+    TakeControl: (Activity.VERIFYING, take_control),
     Measure: (Activity.MEASURING, measure),
 }
 """What is shown while an order is carried out, and what does it. Hold and Acknowledge wait for no turn."""

@@ -9,7 +9,7 @@ from console.session.data.dates import utc_now
 from console.session.data.learned_store import store, versions
 from console.session.data.made_parts import MadeWith
 from console.session.errors import SessionError
-from console.session.learning.lessons import Taught, reverted, taught_by
+from console.session.learning.learning_steps import Taught, reverted, taught_by
 from profiles.compensations.learned import LearnedCompensation
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
@@ -17,7 +17,7 @@ from profiles.traces import Trace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartLesson:
+class PartLearning:
     """How a part was `made`, and what it teaches, or why nothing: one of `taught` and `problems` is there."""
 
     made: MadeWith
@@ -30,23 +30,23 @@ class PartLesson:
         return self.problems if self.taught is None else self.taught.lesson.reasons
 
 
-def lesson_of(
+def learning_of(
     job: LoadedJob | None, name: str, made: MadeWith, trace: Trace, machine: LoadedMachine, data: Path
-) -> PartLesson:
+) -> PartLearning:
     """Return what the part of a cut teaches, `made` by `job` as it is saved, None where `name` was edited.
 
     What stands against that is no fault of its measurement.
     """
     if job is None:
-        return PartLesson(made=made, problems=(Problem(code="learned.edited_part", key=name),))
+        return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
     try:
         taught = taught_by(trace, job, machine, data, made, gain=None, robust=False, date=utc_now())
     except ProblemError as error:
-        return PartLesson(made=made, problems=tuple(error.problems))
-    return PartLesson(made=made, taught=taught)
+        return PartLearning(made=made, problems=tuple(error.problems))
+    return PartLearning(made=made, taught=taught)
 
 
-def accept(lesson: PartLesson, data: Path) -> LearnedCompensation:
+def accept(lesson: PartLearning, data: Path) -> LearnedCompensation:
     """Keep what a part teaches as the newest version, whatever was kept since it was measured, and return it.
 
     Raises:

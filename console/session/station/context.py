@@ -21,21 +21,21 @@ from console.session.station.owning import Owning
 from console.session.station.state import Armed, StationState
 from drivers.clock import Clock
 from drivers.cutting.planning import CutPlan
+from drivers.lathe.control_state import Standing
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
-from drivers.lathe.standing import Standing
 from drivers.lathe.stop import way_problems
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine
 
 
-class Workplace:
+class StationContext:
     """Everything that one order needs. `state` is replaced by `tell`, from whatever thread.
 
     `plan` is that of the last arming, `started` what was last started; `seen` is told every look while a cut
     goes on. `limits_seen` are the travel limits on which the machine stood when the operator went on after a
-    stop: it may be jogged off them. `hold_asked` is set by the operator; `Lathe.held` tells when it has been
+    stop: it may be jogged off them. `end_asked` is set by the operator; `Lathe.held` tells when it has been
     passed on.
     """
 
@@ -65,7 +65,7 @@ class Workplace:
         self.record: RunRecord | None = None
         self.seen: Callable[[Snapshot], None] | None = None
         self.limits_seen: frozenset[str] = frozenset()
-        self.hold_asked = False
+        self.end_asked = False
         self._lock = threading.Lock()
         self._state = StationState(
             simulated=shop is not None,
@@ -150,7 +150,7 @@ class Workplace:
             self.record = None
 
 
-def watch_stop_way(place: Workplace) -> None:
+def watch_stop_way(place: StationContext) -> None:
     """Say once that the connection for stops is lost: every stop still goes, but another cut is not begun."""
     problems = way_problems(place.lathe.stop.way)
     if not problems:

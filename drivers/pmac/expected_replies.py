@@ -19,7 +19,7 @@ _GAP = r"(?=[\s,]|$)"
 
 
 @dataclass(frozen=True, slots=True)
-class Foreseen:
+class ExpectedReplies:
     """`lines` of data in the reply, None when that is not certain; `reads_only`: nothing on the card changes."""
 
     lines: int | None
@@ -78,7 +78,7 @@ _BUFFERS = re.compile(r"OPEN(?=\s*[A-Z])|CLOSE|CLS")
 
 
 @lru_cache(maxsize=512)
-def foresee(line: str) -> Foreseen:
+def foresee(line: str) -> ExpectedReplies:
     """Return what is certain about the reply to an on-line line."""
     text, place = line.upper(), 0
     lines: int | None = 0
@@ -87,13 +87,13 @@ def foresee(line: str) -> Foreseen:
     while place < len(text):
         found = next(((rule, match) for rule in _RULES if (match := rule.pattern.match(text, place))), None)
         if found is None:
-            return Foreseen(None, False)
+            return ExpectedReplies(None, False)
         rule, match = found
         more = rule.lines(match)
         lines = None if lines is None or more is None else lines + more
         reads_only = reads_only and rule.reads_only
         place = _skip(text, match.end())
-    return Foreseen(lines, reads_only)
+    return ExpectedReplies(lines, reads_only)
 
 
 def opens_buffer(line: str) -> bool | None:

@@ -10,10 +10,10 @@ import numpy as np
 from drivers.simulator.plant.collision import Collision, CollisionWatch, Track, clamped
 from drivers.simulator.plant.drives import Drives
 from drivers.simulator.plant.gauge import Gauge, look_at
-from drivers.simulator.plant.shop_view import ShopView
 from drivers.simulator.plant.tip_load import Stock, cutting_torque_n_m, material_of
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.workpiece import ANGLES, Workpiece
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.traces import Trace
@@ -26,7 +26,7 @@ MID_LENGTH = 0
 SAME_PLACE_MM = 1e-6
 
 
-class ShopFloor:
+class SimulatedWorkshop:
     """The chuck with what is in it. Places of the iron are counts from its flags and index."""
 
     def __init__(self, machine: MachineProfile, true: TrueParameters, drives: Drives) -> None:
@@ -115,7 +115,7 @@ class ShopFloor:
             clamped_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
         return self._gauge.trace(clamped_um, self._nominal_radius_mm, "clamped")
 
-    def look(self, tool: float, spindle: float, carriage: float) -> ShopView:
+    def look(self, tool: float, spindle: float, carriage: float) -> WorkshopView:
         """Look at the chuck with the axes where they are.
 
         A chuck that was mounted as each job says has its jaw 1 at the index until a part was clamped.

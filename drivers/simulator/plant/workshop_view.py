@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShopView:
+class WorkshopView:
     """A look at the chuck.
 
     `jaw_1_past_mark_deg` is how far the spindle is beyond the place at which jaw 1 meets the mark, in the

@@ -30,7 +30,7 @@ from profiles.store import LoadedJob, LoadedMachine
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOrder:
+class RunRequest:
     """`address` is None for a simulated machine in this process, in the time that computing it takes.
 
     `true` is what that one is really like, None as its profile says. `parts` are so many in a row that learn.
@@ -53,7 +53,7 @@ class RunOrder:
         return self.address is None or isinstance(self.address, SimulatedAddress)
 
 
-def ordered(options: Namespace) -> RunOrder:
+def requested(options: Namespace) -> RunRequest:
     """Load and plan what the command line asks for.
 
     Raises:
@@ -86,7 +86,7 @@ def ordered(options: Namespace) -> RunOrder:
     if options.learn is not None:
         _refuse_beside_learning(options)
         refuse_unlearnable(plan, measured=address is None)
-    return RunOrder(
+    return RunRequest(
         job=job,
         machine=machine,
         plan=plan,

@@ -8,14 +8,14 @@ from contextlib import suppress
 from drivers.errors import ControllerError, DriverError, RefusedError
 from drivers.lathe.commands import Sending
 from drivers.lathe.heartbeat import Heartbeat
-from drivers.lathe.polling import Looks
+from drivers.lathe.polling import Poller
 
 
-class LeasedMoves:
+class GuardedMoves:
     """What moves one machine. Without a `heartbeat` nothing keeps a lease: for tests alone."""
 
-    def __init__(self, sending: Sending, looks: Looks, heartbeat: Heartbeat | None) -> None:
-        self._sending, self._looks, self._heartbeat = sending, looks, heartbeat
+    def __init__(self, sending: Sending, looks: Poller, heartbeat: Heartbeat | None) -> None:
+        self._sending, self._poller, self._heartbeat = sending, looks, heartbeat
 
     def jog(self, line: str) -> None:
         """Send a line that jogs.
@@ -40,7 +40,7 @@ class LeasedMoves:
         except ControllerError:
             self.end()  # what stands in front of the order on its line was carried out
             with suppress(DriverError):
-                self._looks.look()  # perhaps a loop has opened meanwhile: control-A would close it
+                self._poller.look()  # perhaps a loop has opened meanwhile: control-A would close it
             raise
 
     def end(self) -> None:
@@ -51,4 +51,4 @@ class LeasedMoves:
         """
         if self._heartbeat is not None:
             with suppress(DriverError):
-                self._heartbeat.ended(self._looks.patience_s)
+                self._heartbeat.ended(self._poller.patience_s)

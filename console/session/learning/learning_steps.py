@@ -23,7 +23,7 @@ from profiles.chucking.holding import holding_of
 from profiles.chucking.job_grip import lobe_um_per_n
 from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
 from profiles.compensations.learning_watch import coefficient_of
-from profiles.compensations.next_version import CutWith, Lesson, next_version
+from profiles.compensations.next_version import CutWith, LearningStep, next_version
 from profiles.compensations.part_waves import PartWaves, part_waves
 from profiles.compensations.path import CutPath, wanted_path
 from profiles.compensations.path_bounds import MOST_WAVES
@@ -58,7 +58,7 @@ class LeftWave:
 class Taught:
     """A lesson, of which cut it is, what does not spoil it, and each wave that could be learned."""
 
-    lesson: Lesson
+    lesson: LearningStep
     made: MadeWith
     stage: Stage
     warnings: tuple[Problem, ...]
@@ -178,7 +178,7 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
     return replace(found, assumed=tuple(key for key in job.assumed if key != "lobe_phase_deg"))
 
 
-def _left(n: int, part: PartWaves, lesson: Lesson, path: CutPath, stage: Stage) -> LeftWave:
+def _left(n: int, part: PartWaves, lesson: LearningStep, path: CutPath, stage: Stage) -> LeftWave:
     """Return a wave of the part, which gets lower by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
     deeper = coefficient_of(lesson.next.path.wanted, n) - stage.share * coefficient_of(path.wanted, n)

@@ -19,7 +19,7 @@ Moment = tuple[Activity, bool, bool]
 """What the machine does, whether a cut is armed, whether a stop is in force: what most answers speak of."""
 
 
-class Desk:
+class UiContext:
     """One for the whole program. `work` is replaced, never changed; `said` is the answer to the last key.
 
     `go` shows another page. `data` is the operator's folder. `jog` is the action that asked for the last jog step.
