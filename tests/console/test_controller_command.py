@@ -52,7 +52,7 @@ def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Com
         )
 
     for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.{module}.opened_card", opened)
+        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
     return made
 
 
@@ -78,7 +78,7 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
         )
 
     for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.{module}.opened_card", opened)
+        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
