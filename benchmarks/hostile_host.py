@@ -190,7 +190,7 @@ def plan_of(family: str, strategy: Strategy) -> CutPlan:
     machine = compact(family)
     sim = SimulatedLathe(machine)
     client = PmacClient(MemoryLink(sim.connect(), sim), sim)
-    return plan_cut(JOB, machine, strategy, lease=Heartbeat(client, sim, machine).condition)
+    return plan_cut(JOB, machine, strategy, watchdog=Heartbeat(client, sim, machine).condition)
 
 
 def make(family: str, strategy: Strategy, attack: Attack | None, seed: int) -> tuple[Made, WitnessedLathe]:

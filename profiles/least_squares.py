@@ -83,10 +83,10 @@ def phasors(coefficients: Floats, orders: Sequence[int], trends: int = 0) -> dic
 def fit(columns: Floats, values: Floats, root_weight: Floats | None = None) -> Fit:
     """Fit M values by k columns, shapes (M,) and (M, k); `root_weight` (M,) is 1 / sigma, 1 without it."""
     root = np.ones_like(values) if root_weight is None else root_weight
-    weighed, wanted = columns * root[:, None], values * root
+    weighed, target = columns * root[:, None], values * root
     known, condition = _solved(weighed)
-    coefficients = known @ (weighed.T @ wanted)
-    coefficients += known @ (weighed.T @ (wanted - weighed @ coefficients))  # once more for the last digits
+    coefficients = known @ (weighed.T @ target)
+    coefficients += known @ (weighed.T @ (target - weighed @ coefficients))  # once more for the last digits
     residuals = values - columns @ coefficients
     freedom = len(values) - columns.shape[1]
     squares = float(np.sum((root * residuals) ** 2))

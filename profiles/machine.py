@@ -363,7 +363,7 @@ def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> 
     return [Problem(code="key.missing", where=where, key="safety.signed_for", limit=" | ".join(SIGNED_FOR))]
 
 
-def iron_problems(machine: MachineProfile) -> tuple[Problem, ...]:
+def real_machine_problems(machine: MachineProfile) -> tuple[Problem, ...]:
     """Return why a profile may not be used on a real link: `safety.signed_for_simulator`.
 
     A copy of a bundled profile carries its signature along; whoever makes it true signs anew.

@@ -137,7 +137,7 @@ class Terminal:
             assert self._master >= 0, self._report("the terminal is closed")
             os.write(self._master, text.encode())
 
-    def wait_for(self, wanted: str | Callable[[str], bool], timeout_s: float = 10.0) -> float:
+    def wait_for(self, target: str | Callable[[str], bool], timeout_s: float = 10.0) -> float:
         """Wait until a regular expression is found on the screen, or a predicate of its text holds.
 
         Returns:
@@ -146,12 +146,12 @@ class Terminal:
         Raises:
             AssertionError: it did not come in time or the program ended before; with the screen.
         """
-        holds = wanted if callable(wanted) else lambda text: bool(re.search(wanted, text, re.MULTILINE))
+        holds = target if callable(target) else lambda text: bool(re.search(target, text, re.MULTILINE))
         with self._changed:
             met = self._changed.wait_for(lambda: holds(self.text) or self._ended, timeout_s)
             if not (met and holds(self.text)):
                 why = "the program ended" if self._ended else f"{timeout_s:g} s are over"
-                raise AssertionError(self._report(f"{why}, not on the screen: {wanted}"))
+                raise AssertionError(self._report(f"{why}, not on the screen: {target}"))
             return self._read_s - self.started_s
 
     def resize(self, columns: int, rows: int) -> None:

@@ -11,7 +11,7 @@ from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.data.kept_files import data_folder, jobs_folder, machines_folder
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
-from profiles.machine import MachineProfile, iron_problems
+from profiles.machine import MachineProfile, real_machine_problems
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
@@ -89,7 +89,7 @@ def refuse_unsigned(machine: MachineProfile) -> None:
     Raises:
         ProfileError: `safety.signed_for_simulator`.
     """
-    if problems := iron_problems(machine):
+    if problems := real_machine_problems(machine):
         raise ProfileError(*problems)
 
 

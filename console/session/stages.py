@@ -8,7 +8,7 @@ from console.session.errors import SessionError
 from drivers.cutting.planning import nominal_command
 from drivers.cutting.strategy import INVERTING, Strategy
 from profiles.axis.response import ServoResponse
-from profiles.compensations.path import PARTIAL_SHARE, CutPath, share_of, wanted_path
+from profiles.compensations.path import PARTIAL_SHARE, CutPath, share_of, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -43,7 +43,7 @@ def nominal_path(
         ProfileError: those of `nominal_command`.
     """
     command = nominal_command(job, machine, strategy, response)
-    return CutPath(wanted=wanted_path(job), command=command)
+    return CutPath(target=target_path(job), command=command)
 
 
 def staged(

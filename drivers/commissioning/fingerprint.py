@@ -17,7 +17,7 @@ from drivers.commissioning.setting_names import named
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.reading import HIGHEST_PLC
-from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG
+from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -89,7 +89,7 @@ def read_fingerprint(
     (free,) = client.query("SIZE", again=True)
     known = since is not None and since.free == free
     extent = replace(
-        of_motors(dialect, motors, (HOLD_FLAG,)),
+        of_motors(dialect, motors, (END_FLAG,)),
         plcs=tuple(number for number in range(HIGHEST_PLC + 1) if number != HEARTBEAT_PLC),
         programs=() if known else tuple(number for number in PROGRAM_NUMBERS if number not in OWN_PROGRAMS),
         tables=tuple(since.configuration.tables) if since is not None and known else None,

@@ -9,7 +9,7 @@ from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, same
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Scope, Setting
-from drivers.pmac.reserved import HEARTBEAT_PLC, HOLD_FLAG, LEASE_TIMER
+from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, WATCHDOG_TIMER
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.findings import Severity
 
@@ -165,16 +165,16 @@ def _buffers(judged: Judged) -> Iterator[Check]:
 def _pointers(judged: Judged) -> Iterator[Check]:
     """The flag that ends a cut is a plain value, and the lease counts down or is not set up yet."""
     pointers, dialect = judged.configuration.pointers, judged.dialect
-    flag = pointers.get(HOLD_FLAG)
+    flag = pointers.get(END_FLAG)
     severity = Severity.OK if flag is None else Severity.REFUSAL
-    name = f"M{HOLD_FLAG}->"
+    name = f"M{END_FLAG}->"
     yield Check(
         group=Group.PROGRAMS, code="hold_flag", severity=severity, variable=name, found=flag or "*", wanted="*"
     )
-    timer = pointers.get(LEASE_TIMER)
+    timer = pointers.get(WATCHDOG_TIMER)
     timers = [f"{space}:${address:X}" for space, address in dialect.timer_words]
     if timer is not None and timers and not any(timer.startswith(f"{word},") for word in timers):
-        name, wanted = f"M{LEASE_TIMER}->", ", ".join(timers)
+        name, wanted = f"M{WATCHDOG_TIMER}->", ", ".join(timers)
         yield Check(
             group=Group.PROGRAMS,
             code="lease_timer",

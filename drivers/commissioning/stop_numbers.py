@@ -21,7 +21,7 @@ LATE_S = 0.5
 FASTER = 1.1
 """By this factor an axis may be faster than it is set: ripple, and the tenth that two looks are uncertain by."""
 
-LONGEST_S = {Way.ABORT: 20.0, Way.KILL: 70.0, Way.LEASE: 20.0}
+LONGEST_S = {Way.ABORT: 20.0, Way.KILL: 70.0, Way.WATCHDOG: 20.0}
 """Nobody waits longer for rest (`REST_LIMIT_S` of the proofs, and what it takes until the stop is obeyed)."""
 
 LINEAR, ROTARY = ("distance_mm", "speed_mm_per_s"), ("distance_deg", "speed_rpm")

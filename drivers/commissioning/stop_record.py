@@ -15,7 +15,7 @@ from drivers.commissioning.reading import read_ranges
 from drivers.controller import Controller
 from drivers.link.base import StopWay
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat.lease import SERVO_PERIOD
+from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD
 from profiles.machine import MachineProfile
 
 MOTION_SETTINGS, FILTER_SETTINGS = range(15, 26), range(30, 36)
@@ -34,7 +34,7 @@ class Way(StrEnum):
     KILL = "kill"
     """Control-K: every loop is opened, the spindle runs out."""
 
-    LEASE = "lease"
+    WATCHDOG = "lease"
     """The host falls silent, and the controller ends by itself what moves."""
 
 
@@ -87,7 +87,7 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
     off at the lathe.
     """
     followed = machine.spindle.followed
-    ways = (Way.KILL, Way.LEASE) if followed else tuple(Way)
+    ways = (Way.KILL, Way.WATCHDOG) if followed else tuple(Way)
     axes = ("tool", "carriage") if followed else ("tool", "spindle", "carriage")
     return frozenset((way, origin, axis) for way in ways for origin in Origin for axis in axes)
 

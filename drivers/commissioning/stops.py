@@ -15,27 +15,27 @@ from profiles.machine import MachineProfile
 
 
 @dataclass(frozen=True, slots=True)
-class RunOn:
+class StoppingDistance:
     """From the press of the stop to rest."""
 
     time_ms: float
     counts: float
 
 
-def after_abort(speed_counts_per_ms: float, rate: float, late_ms: float) -> RunOn:
+def after_abort(speed_counts_per_ms: float, rate: float, late_ms: float) -> StoppingDistance:
     """Return the way at Ix15 = `rate`; a rate of 0 never stops a motor."""
     if rate <= 0.0:
-        return RunOn(math.inf, math.inf)
+        return StoppingDistance(math.inf, math.inf)
     way = speed_counts_per_ms * late_ms + speed_counts_per_ms**2 / (2.0 * rate)
-    return RunOn(late_ms + speed_counts_per_ms / rate, way)
+    return StoppingDistance(late_ms + speed_counts_per_ms / rate, way)
 
 
-def after_jog_stop(settings: JogSettings, late_ms: float) -> RunOn:
+def after_jog_stop(settings: JogSettings, late_ms: float) -> StoppingDistance:
     """Return the way of a jog at its speed that is ended by J/."""
     pieces = change_speed(0.0, settings.speed, 0.0, settings)
     ramp_ms = sum(piece.duration_ms for piece in pieces)
     # A ramp is symmetrical about its middle, whatever its S-curve.
-    return RunOn(late_ms + ramp_ms, settings.speed * (late_ms + ramp_ms / 2.0))
+    return StoppingDistance(late_ms + ramp_ms, settings.speed * (late_ms + ramp_ms / 2.0))
 
 
 def overruns(judged: Judged) -> list[Check]:
@@ -76,10 +76,12 @@ def _overrun(judged: Judged, axis: JudgedAxis) -> Check:
     )
 
 
-def _way(run_on: RunOn, axis: JudgedAxis, machine: MachineProfile) -> str:
-    if math.isinf(run_on.counts):
+def _way(stopping_distance: StoppingDistance, axis: JudgedAxis, machine: MachineProfile) -> str:
+    if math.isinf(stopping_distance.counts):
         return "∞"
-    return f"{length(run_on.counts, axis.motor, machine)}, {digits(run_on.time_ms / 1000.0)} s"
+    return (
+        f"{length(stopping_distance.counts, axis.motor, machine)}, {digits(stopping_distance.time_ms / 1000.0)} s"
+    )
 
 
 def _clearance_counts(machine: MachineProfile, axis: JudgedAxis) -> float:

@@ -22,7 +22,7 @@ from drivers.controller import Controller
 from drivers.errors import DriverError
 from drivers.lathe.safety import FORM, NOT_FITTED, WIRED, inputs_of
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.reserved import HOLD_FLAG, LEASE_TIMER
+from drivers.pmac.reserved import END_FLAG, WATCHDOG_TIMER
 from profiles.findings import Severity
 from profiles.machine import MachineProfile, Safety, is_signature
 
@@ -99,7 +99,7 @@ def read_of_machine(client: Controller, machine: MachineProfile, dialect: Dialec
         DriverError: the link broke, or the card answers something that is not asked for.
     """
     motors = (machine.tool.motor, machine.spindle.motor, machine.carriage.motor)
-    return read_configuration(client, dialect, of_motors(dialect, motors, (HOLD_FLAG, LEASE_TIMER)))
+    return read_configuration(client, dialect, of_motors(dialect, motors, (END_FLAG, WATCHDOG_TIMER)))
 
 
 def checks_of(judged: Judged) -> list[Check]:

@@ -85,7 +85,7 @@ def cut_findings(
     )
 
 
-def leaving_findings(job: Job, wanted: LobedPath) -> tuple[Finding, ...]:
+def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
     """Return whether a path keeps the tool in the part, at every angle and from end to end of the cut.
 
     The part comes out at the depth of the job, whatever mean a learned path commands for that. Where the tool is
@@ -93,7 +93,7 @@ def leaving_findings(job: Job, wanted: LobedPath) -> tuple[Finding, ...]:
     """
     angle_deg = np.arange(0.0, 360.0, LEAVING_STEP_DEG)
     half_mm = 0.5 * job.cut_length_mm
-    waves_um = [wanted.at_um(angle_deg, end_mm) - wanted.mean_um for end_mm in (-half_mm, half_mm)]
+    waves_um = [target.at_um(angle_deg, end_mm) - target.mean_um for end_mm in (-half_mm, half_mm)]
     least_um = 1000.0 * job.depth_of_cut_mm + float(np.min(waves_um))
     if least_um > 0.0:
         return ()

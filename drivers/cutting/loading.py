@@ -14,7 +14,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.program_constants import ConstantsWatch
 from drivers.pmac.program_load import LoadedProgram, load_program, verify_loaded
 from drivers.pmac.program_text import ProgramText
-from drivers.pmac.programs.setup import FINISHED, HOLD_FLAG, TURNS_CUT
+from drivers.pmac.programs.setup import END_FLAG, FINISHED, TURNS_CUT
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -63,7 +63,7 @@ class Loading:
         Raises:
             DriverError: the link broke, or the controller refused to answer.
         """
-        turns, finished, hold, by = self._client.numbers(TURNS_CUT, FINISHED, HOLD_FLAG, STOPPED_BY, again=True)
+        turns, finished, hold, by = self._client.numbers(TURNS_CUT, FINISHED, END_FLAG, STOPPED_BY, again=True)
         if not finished and not by:
             self._clock.wait(TOLD_WITHIN_S)
             (by,) = self._client.numbers(STOPPED_BY, again=True)

@@ -90,15 +90,15 @@ class PathSeen:
 
     def _tool(self, tool: Floats, turns: Floats, carriage: Floats) -> Iterator[Problem]:
         """The path of a turn may be any, with what comes once, and with the lobe; it may grow along the cut."""
-        plan, wanted = self._plan, self._plan.wanted
+        plan, target = self._plan, self._plan.target
         past_mm = (carriage - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
         infeed_um = (tool - plan.setup.surface) * self._machine.tool.count_um
-        off_um = infeed_um - wanted.at_um(360.0 * turns, past_mm)
-        orders = (wanted.lobes, 2 * wanted.lobes, 3 * wanted.lobes, 1)
+        off_um = infeed_um - target.at_um(360.0 * turns, past_mm)
+        orders = (target.lobes, 2 * target.lobes, 3 * target.lobes, 1)
         columns = harmonic_columns(2.0 * np.pi * turns, orders, past_mm)
         left, found = _left(off_um, columns[:, : max(4, len(turns) // POLLS_A_TERM)])
         left_um, lobe_um = np.abs(left), float(np.hypot(*found[harmonic_slice(0, trends=1)]))
-        most_um = MOST_OF_LOBE * wanted.amplitude_um + LEAST_TOOL_UM
+        most_um = MOST_OF_LOBE * target.amplitude_um + LEAST_TOOL_UM
         if plan.strategy.traits.inverts and lobe_um > most_um:
             value, limit = f"{lobe_um:.1f} um", f"{most_um:.1f} um"
             yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)

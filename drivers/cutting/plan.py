@@ -29,7 +29,7 @@ class CutPlan:
     """
 
     strategy: Strategy
-    wanted: LobedPath
+    target: LobedPath
     setup: CutSetup
     text: str
     program: ProgramText

@@ -23,7 +23,7 @@ from drivers.pmac.settings import settings_with
 from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, LobedPath, invert, wanted_path
+from profiles.compensations.path import CutPath, LobedPath, invert, target_path
 from profiles.compensations.path_bounds import path_problems
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -39,7 +39,7 @@ def plan_cut(
     ts_ms: int | None = None,
     *,
     from_turn: int = 0,
-    lease: str = "",
+    watchdog: str = "",
     path: CutPath | None = None,
     response: ServoResponse | None = None,
     air_mm: float = 0.0,
@@ -52,7 +52,7 @@ def plan_cut(
     `air_mm` further out. One that is `trimmed` listens to the host while it cuts, see `cam_trim`.
 
     The spindle begins `from_turn` whole turns away from its index: an axis that was never turned back since its
-    home has no reason to go all the way for one angle. `lease` is a condition that the program looks at before
+    home has no reason to go all the way for one angle. `watchdog` is a condition that the program looks at before
     each turn, such as that a timer of the host has not run out.
 
     Raises:
@@ -70,8 +70,10 @@ def plan_cut(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
-        setup=cut_setup(job, machine, turned + first_spindle_counts(job, machine, strategy), lease, air_mm=air_mm),
-        wanted=wanted_path(job) if path is None else path.wanted,
+        setup=cut_setup(
+            job, machine, turned + first_spindle_counts(job, machine, strategy), watchdog, air_mm=air_mm
+        ),
+        target=target_path(job) if path is None else path.target,
         command=_command(job, machine, strategy, path, response),
         ts_ms=ts_ms,
         trimmed=trimmed,
@@ -79,7 +81,7 @@ def plan_cut(
     _refuse_followed(machine, strategy)
     made = strategy.traits.make(planning)
     program = _read(made.text, planning.dialect)
-    if lease:
+    if watchdog:
         unleased = strategy.traits.make(_unleased(planning))
         checked = _checked(unleased, _read(unleased.text, planning.dialect), planning)
     else:
@@ -102,7 +104,7 @@ def _judged(
     rpm = speed_rpm(loop, checked, machine)
     return CutPlan(
         strategy=strategy,
-        wanted=planning.wanted,
+        target=planning.target,
         setup=planning.setup,
         text=made.text,
         program=program,
@@ -112,7 +114,7 @@ def _judged(
         duration_s=checked.duration_ms / 1000.0,
         findings=(
             *cut_findings(loop, checked, machine, job, rpm),
-            *(leaving_findings(job, planning.wanted) if strategy.traits.follows_lobe else ()),
+            *(leaving_findings(job, planning.target) if strategy.traits.follows_lobe else ()),
             *(clock_findings(machine) if made.clock else ()),
         ),
         checked=checked,
@@ -134,7 +136,7 @@ def first_spindle_counts(job: Job, machine: MachineProfile, strategy: Strategy) 
 
 def _unleased(planning: Planning) -> Planning:
     """Return the same without a lease: nobody renews one while a program is run through."""
-    return replace(planning, setup=replace(planning.setup, lease=""))
+    return replace(planning, setup=replace(planning.setup, watchdog=""))
 
 
 def nominal_command(
@@ -149,7 +151,7 @@ def nominal_command(
     """
     inverted = path_response(strategy, machine) if response is None else response
     turns_hz = job.spindle_speed_rpm / 60.0
-    return invert(wanted_path(job), lambda lobes: inverted.invertible(lobes * turns_hz))
+    return invert(target_path(job), lambda lobes: inverted.invertible(lobes * turns_hz))
 
 
 def _command(
@@ -162,7 +164,7 @@ def _command(
             `program.no_growth`; those of `nominal_command`.
     """
     if not strategy.traits.inverts:
-        return wanted_path(job) if path is None else path.wanted
+        return target_path(job) if path is None else path.target
     command = nominal_command(job, machine, strategy, response) if path is None else path.command
     if not strategy.traits.by_table:
         _refuse_unsegmented(command, job, machine, strategy)
@@ -248,7 +250,7 @@ def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
     response = complex(sampled_response(machine, frequency_hz))
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:
         return False
-    return fits_whole_milliseconds(invert(wanted_path(job), response), frequency_hz)
+    return fits_whole_milliseconds(invert(target_path(job), response), frequency_hz)
 
 
 def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: Strategy) -> None:
@@ -260,7 +262,7 @@ def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: S
     turns_hz = job.spindle_speed_rpm / 60.0
     problems = path_problems(
         path,
-        wanted_path(job),
+        target_path(job),
         lambda lobes: nominal_response(strategy, machine, lobes * turns_hz),
         lambda lobes: held_back_um(machine, job, lobes),
     )

@@ -19,7 +19,7 @@ from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, 
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import HOLD_FLAG
+from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 
 COLUMNS = 40
@@ -114,7 +114,7 @@ class CamPath:
             home_in=HOME_IN_MS,
             letter=self._word.letter,
             program=PROGRAM,
-            flag=HOLD_FLAG,
+            flag=END_FLAG,
             go_on=go_on(self._dialect),
         )
         longest_s = (2 * RAMP_MS + HOME_IN_MS + steps * STEP_MS) / 1000.0

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from drivers.pmac.compensation.table import CompensationTable
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gathered_data import GatheredData
-from drivers.pmac.heartbeat.lease import lease_condition
-from drivers.pmac.programs.setup import HOLD_FLAG
+from drivers.pmac.heartbeat.watchdog import watchdog_condition
+from drivers.pmac.programs.setup import END_FLAG
 
 PROGRAM = 998
 """The program that swings the tool; nobody's program may be there, and none is left."""
@@ -60,4 +60,4 @@ class Excitation(Protocol):
 
 def go_on(dialect: Dialect) -> str:
     """Return what a program looks at in each segment between its ramps: nobody has ended it, its lease lives."""
-    return f"{HOLD_FLAG}=0 AND {lease_condition(dialect)}"
+    return f"{END_FLAG}=0 AND {watchdog_condition(dialect)}"

@@ -35,8 +35,8 @@ def unfit_problems(
         *([] if simulated is None else _pair("machine", _WORLD[identified.origin.simulated], _WORLD[simulated])),
     ]
     return tuple(
-        Problem(code="response.of_another", where=where, key=key, value=met, limit=wanted)
-        for key, met, wanted in differing
+        Problem(code="response.of_another", where=where, key=key, value=met, limit=target)
+        for key, met, target in differing
     )
 
 
@@ -57,5 +57,5 @@ def _told(
         yield "servo_period_ms", f"{origin.servo_period_ms:.6g}", f"{controller.servo_period_ms:.6g}"
 
 
-def _pair(name: str, met: str, wanted: str) -> list[tuple[str, str, str]]:
-    return [] if met == wanted else [(name, met, wanted)]
+def _pair(name: str, met: str, target: str) -> list[tuple[str, str, str]]:
+    return [] if met == target else [(name, met, target)]

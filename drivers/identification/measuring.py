@@ -59,7 +59,7 @@ class Watch:
         elif not self.ended and self.rig.clock.now_s() >= self.enough_at_s:
             self.ended = True
             self.rig.client.request("ENDGATHER")
-            self.rig.lathe.program.hold()
+            self.rig.lathe.program.end_after_turn()
 
 
 def measure(

@@ -15,7 +15,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gathered_data import GatheredData
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
-from drivers.pmac.programs.setup import HOLD_FLAG
+from drivers.pmac.programs.setup import END_FLAG
 from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile
 
@@ -90,7 +90,7 @@ class PvtPath:
             segment=segment_ms,
             letter=self._word.letter,
             program=PROGRAM,
-            flag=HOLD_FLAG,
+            flag=END_FLAG,
             go_on=go_on(self._dialect),
         )
         ramp_s = ramp * segment_ms / 1000.0

@@ -56,23 +56,23 @@ class Sending:
         if problems:
             raise RefusedError(*problems)
 
-    def move(self, line: str, leased: Callable[[str], str] | None = None) -> None:
+    def move(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
         """Send a line that moves something, to axes that are under control: it must not close an open loop.
 
-        `leased` puts a lease in front of it, once nothing stands in its way.
+        `guarded` puts a lease in front of it, once nothing stands in its way.
 
         Raises:
             RefusedError: `machine.not_enabled`, nothing was sent; and those of `once`.
         """
         if not self._poller.loops_closed and not self._poller.look().loops_closed:
             raise RefusedError(Problem(code="machine.not_enabled", where=self._client.link.address))
-        self.once(line, leased)
+        self.once(line, guarded)
 
-    def once(self, line: str, leased: Callable[[str], str] | None = None) -> None:
+    def once(self, line: str, guarded: Callable[[str], str] | None = None) -> None:
         """Send a line that moves or energises. A stop that overtook it on the way is sent again behind it.
 
         Once as soon as the line has left, should its reply not come, and once when the card has carried it out.
-        What comes before the line has left keeps it here: the way back in step, and whatever `leased` asks the
+        What comes before the line has left keeps it here: the way back in step, and whatever `guarded` asks the
         card, take their time.
 
         Raises:
@@ -83,8 +83,8 @@ class Sending:
         """
         self._refuse_now()
         self.refuse_unsafe()
-        if leased is not None:
-            line = leased(line)  # it tells whose the machine is now, too
+        if guarded is not None:
+            line = guarded(line)  # it tells whose the machine is now, too
         self.has_moved = True
         try:
             self._client.send(line, check=self._refuse_now, moves=True)

@@ -15,7 +15,7 @@ from drivers.lathe.standstill import REST_S, Settling
 from drivers.lathe.wiring import Wiring
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.cam_trim import trim_line
-from drivers.pmac.programs.setup import HOLD_FLAG
+from drivers.pmac.programs.setup import END_FLAG
 from profiles.problem import Problem
 
 
@@ -41,7 +41,7 @@ class CutProgram:
         self._forget_jogs = forget_jogs
 
     @property
-    def lease(self) -> str:
+    def watchdog(self) -> str:
         """The condition without which a cutting program ends by itself, empty when nobody keeps a lease."""
         return "" if self._heartbeat is None else self._heartbeat.condition
 
@@ -118,15 +118,15 @@ class CutProgram:
     def start(self, number: int, retracted_counts: float) -> None:
         """Run a loaded program. This moves the machine; the tool is out of the part at `retracted_counts`."""
 
-        def leased(line: str) -> str:
+        def guarded(line: str) -> str:
             # The system is addressed first: behind a value the & would be an operator of it.
             guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
             return f"&1 {guarded}"
 
         self._forget_jogs()
-        self._moves.send(f"B{number}R", leased)
+        self._moves.send(f"B{number}R", guarded)
 
-    def hold(self) -> None:
+    def end_after_turn(self) -> None:
         """Ask the program to end at the end of the present turn and to retract; `follow` then sees its end.
 
         Between two looks, also from the `watch` of `follow`. It moves nothing by itself, so that it may be sent
@@ -137,7 +137,7 @@ class CutProgram:
         """
         self._sending.refuse_unless_owner()
         self.held = True
-        line = f"{HOLD_FLAG}=1"
+        line = f"{END_FLAG}=1"
         try:
             self._client.request(line, POLL_TIMEOUT_S)
         except LinkTimeoutError:

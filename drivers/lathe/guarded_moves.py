@@ -25,14 +25,14 @@ class GuardedMoves:
         """
         self.send(line, None if self._heartbeat is None else self._heartbeat.jog)
 
-    def send(self, line: str, leased: Callable[[str], str] | None) -> None:
-        """Send a line that moves; `leased` puts the lease in front of it.
+    def send(self, line: str, guarded: Callable[[str], str] | None) -> None:
+        """Send a line that moves; `guarded` puts the lease in front of it.
 
         Raises:
             DriverError: as `Sending.move`; no lease is left.
         """
         try:
-            self._sending.move(line, leased)
+            self._sending.move(line, guarded)
         except RefusedError:
             if self._heartbeat is not None:
                 self._heartbeat.forgo()

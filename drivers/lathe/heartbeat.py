@@ -16,10 +16,10 @@ from drivers.link.base import GONE
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.heartbeat.arming import forbidden, heartbeat_problems, permitted, silent
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
-from drivers.pmac.heartbeat.lease import PERIOD_MS, cycles_of, lease_condition, lease_timer
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
 from drivers.pmac.heartbeat.reading import PERMISSION, HeartbeatLook, read_heartbeat
 from drivers.pmac.heartbeat.registers import ENDING
+from drivers.pmac.heartbeat.watchdog import PERIOD_MS, cycles_of, watchdog_condition, watchdog_timer
 from drivers.pmac.reserved import ECHO, LOST, OWNER
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -50,7 +50,7 @@ RATE_READINGS = 3
 def cut_condition(machine: MachineProfile) -> str:
     """Return the condition without which a cutting program ends by itself; "" where it is to go on to its end."""
     finishes = Policy(machine.heartbeat.policy) is Policy.FINISH
-    return "" if finishes else lease_condition(DIALECTS[machine.controller.family])
+    return "" if finishes else watchdog_condition(DIALECTS[machine.controller.family])
 
 
 class Heartbeat:
@@ -130,7 +130,7 @@ class Heartbeat:
     @property
     def condition(self) -> str:
         """The condition without which a cutting program ends by itself; none where it is to go on to its end."""
-        return "" if self.policy is Policy.FINISH else lease_condition(self._dialect)
+        return "" if self.policy is Policy.FINISH else watchdog_condition(self._dialect)
 
     @property
     def ends_within_s(self) -> float:
@@ -239,14 +239,14 @@ class Heartbeat:
                 raise RefusedError(silent(first, first))
             self._clock.wait(PULSE_POLL_S)
 
-    def _lease_left(self) -> bool:
+    def _watchdog_left(self) -> bool:
         """Ask the card whether it still waits for this host, with time enough for a renewal to come.
 
         Under another owner it is another's lease, whatever there is of it.
         """
-        items = (f"P{LOST}", f"P{OWNER}", lease_timer(self._dialect).name)
-        lost, owner, lease = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
-        return not lost and owner == self._owner and lease > cycles_of(PERIOD_MS, self._i10)
+        items = (f"P{LOST}", f"P{OWNER}", watchdog_timer(self._dialect).name)
+        lost, owner, watchdog = self._client.numbers(*items, timeout_s=PULSE_TIMEOUT_S, again=True)
+        return not lost and owner == self._owner and watchdog > cycles_of(PERIOD_MS, self._i10)
 
     def _kept(self) -> Keeper | None:
         """Return the keeper of what is guarded now, None when nothing is.
@@ -257,7 +257,7 @@ class Heartbeat:
         keeper = self._keeper
         if not self._guarding or keeper is None:
             return None
-        if keeper.lapsed(self._clock.now_s()) and not self._lease_left():
+        if keeper.lapsed(self._clock.now_s()) and not self._watchdog_left():
             raise self.lapse()
         return keeper
 

@@ -70,10 +70,15 @@ class Lathe:
             AxisName.CARRIAGE: machine.carriage.motor,
         }
         self._driven = driven_axes(machine)
-        wiring = wired(client, machine, clock, stop, seen, heartbeat, ownership, lambda: self.program.hold())
+        wiring = wired(
+            client, machine, clock, stop, seen, heartbeat, ownership, lambda: self.program.end_after_turn()
+        )
         self._poller, self._sending, self._moves = wiring.looks, wiring.sending, wiring.moves
         self._jogs = Jogs(machine, wiring.looks, wiring.motion, stop, wiring.loading, wiring.moves.jog)
         self.program = CutProgram(wiring, self._jogs.forget)
+
+    def _end_cut(self) -> None:
+        self.program.end_after_turn()
 
     @property
     def has_moved(self) -> bool:

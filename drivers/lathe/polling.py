@@ -110,12 +110,12 @@ class Poller:
         Raises:
             DriverError: as for `look`.
         """
-        lease = ""
+        watchdog = ""
         if self._heartbeat is not None and self._stop.reason is None:  # behind a stop nothing of ours goes on
-            lease = self._heartbeat.renewal()
+            watchdog = self._heartbeat.renewal()
         asked_s = self._clock.now_s()
         try:
-            line = " ".join((lease, *self._items.items)).lstrip()
+            line = " ".join((watchdog, *self._items.items)).lstrip()
             replies = self._client.request(line, timeout_s, lines=len(self._items.items))
             at_s = self._clock.now_s()
             snapshot = self._items.read(replies, asked_s, at_s, self._client.link.address)
@@ -150,9 +150,9 @@ class Poller:
         names = watched.names(CONSTANTS_A_READING if self.round_trip_s < SLOW_LINE_S else 1)
         if not names or self._stop.reason is not None:
             return
-        lease = "" if self._heartbeat is None else self._heartbeat.renewal()
+        watchdog = "" if self._heartbeat is None else self._heartbeat.renewal()
         try:
-            line = " ".join((lease, *names)).lstrip()
+            line = " ".join((watchdog, *names)).lstrip()
             answers = self._client.request(line, self._first_timeout_s, lines=len(names))
             found = watched.see(names, [self._client.number(answer) for answer in answers])
         except LinkError as error:

@@ -89,7 +89,7 @@ class Request:
         return _HEADER.pack(self.direction, self.code, self.value, self.index, self.length) + self.data
 
     @property
-    def wanted(self) -> int:
+    def target(self) -> int:
         """Bytes that the reply may have. Some clients leave the field at 0, or ask for more than there can be."""
         return self.length if 0 < self.length < REPLY_LIMIT else REPLY_LIMIT
 

@@ -105,7 +105,7 @@ class MotorSettings:
             bounds.append(math.sqrt(self.jog_acceleration * way))
         return min(bounds)
 
-    def overrun(self, speed: float, late_s: float) -> float:
+    def stopping_distance(self, speed: float, late_s: float) -> float:
         """Return the way to rest from a speed per second: v t + v^2 / (2 a), with a stop that is late by t.
 
         Infinite where a = Ix15 is 0, which never stops a motor.
@@ -113,13 +113,13 @@ class MotorSettings:
         rate = self.abort_rate
         return speed * late_s + speed**2 / (2.0 * rate) if rate > 0.0 else math.inf
 
-    def step_overrun(self, way: float, late_s: float) -> float:
+    def step_stopping_distance(self, way: float, late_s: float) -> float:
         """Return the longest way from a stop in a jog over `way` to rest.
 
         A stop that brakes at least as hard as the jog does at its own end ends within it; a softer one may go
         beyond.
         """
-        further = self.overrun(self.step_speed(way), late_s)
+        further = self.stopping_distance(self.step_speed(way), late_s)
         return min(further, way) if self.abort_rate >= self.jog_acceleration > 0.0 else further
 
     def stop_s(self, speed: float) -> float:

@@ -120,12 +120,12 @@ def verify_program(client: Controller, program: ProgramText) -> None:
 
 
 def _compare(client: Controller, number: int, lines: Program) -> None:
-    wanted = tuple(format_line(line) for line in lines)
-    found = _listing(client, number, wanted)
-    if found != wanted:
+    target = tuple(format_line(line) for line in lines)
+    found = _listing(client, number, target)
+    if found != target:
         # Of a listing nobody knows the number of lines before: an empty line that came in is no other program.
-        found = _listing(client, number, wanted)
-    for place, (met, sent) in enumerate(zip_longest(found, wanted, fillvalue=""), start=1):
+        found = _listing(client, number, target)
+    for place, (met, sent) in enumerate(zip_longest(found, target, fillvalue=""), start=1):
         if met != sent:
             raise DriverError(
                 Problem(
@@ -138,12 +138,12 @@ def _compare(client: Controller, number: int, lines: Program) -> None:
             )
 
 
-def _listing(client: Controller, number: int, wanted: Sequence[str]) -> tuple[str, ...]:
+def _listing(client: Controller, number: int, target: Sequence[str]) -> tuple[str, ...]:
     """Ask for all of it at once: where a piece of a listing begins is counted in words of memory on some cards.
 
     The time allowed follows the length, so that a slow line has it, and one that broke is noticed all the same.
     """
-    bytes_expected = sum(len(line) + 1 for line in wanted)
+    bytes_expected = sum(len(line) + 1 for line in target)
     timeout_s = REPLY_TIMEOUT_S + bytes_expected / SLOWEST_LINE_BYTES_PER_S
     return tuple(_in_our_spelling(line) for line in client.question(f"LIST PROG{number}", timeout_s))
 

@@ -47,7 +47,7 @@ class _Waiting:
     entries: list[int]
 
     @property
-    def wanted(self) -> int:
+    def target(self) -> int:
         return self.definition.entry_count - len(self.entries)
 
 
@@ -73,11 +73,11 @@ class TableReader:
             PmacError: 003, no entries, or more than the table waits for; then none of them counts.
         """
         waiting = self._waiting
-        if waiting is None or not waiting.wanted or not _ENTRIES.match(scanner.rest):
+        if waiting is None or not waiting.target or not _ENTRIES.match(scanner.rest):
             return False
         entries = scan_entries(scanner)
-        if len(entries) > waiting.wanted:
-            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {waiting.wanted}")
+        if len(entries) > waiting.target:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {waiting.target}")
         waiting.entries += entries
         waiting.last_place = place
         return True

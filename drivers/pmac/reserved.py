@@ -10,10 +10,10 @@ from __future__ import annotations
 HEARTBEAT_PLC = 20
 """The PLC that ends jogs and cuts when the lease runs out."""
 
-LEASE_TIMER = 70
+WATCHDOG_TIMER = 70
 """M-variable that is pointed at a timer of the card, where the family has none among its I-variables."""
 
-HOLD_FLAG = 26
+END_FLAG = 26
 """M-variable: 1 ends a cut at the end of its turn."""
 
 OWNER = 1000

@@ -14,7 +14,7 @@ from profiles.axis.response import ServoResponse
 from profiles.axis.servo import DriveNeed, drive_need, eq9_response, sampled_response
 from profiles.chucking.job_grip import centrifugal_loss_n, grip_margin_n, needed_grip_n
 from profiles.compensations.learned import ExpectedPart
-from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, wanted_path
+from profiles.compensations.path import CutPath, LobedPath, residual_um_pp, target_path
 from profiles.findings import Finding
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -47,7 +47,7 @@ class Share:
 class Outlook:
     """A job on a machine as far as it takes no program: fast enough to follow every key.
 
-    `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `wanted`;
+    `strategy` is the one that was chosen, `response` what it inverts, and `command` what that makes of `target`;
     where it inverts nothing these are of the default one. `shares` are those of the sine of the command, at the
     speed of the job. `taught` is what a measured part lets expect of one cut with what it has taught, if that is
     the path: the model knows nothing of what was learned. None is the model's.
@@ -57,7 +57,7 @@ class Outlook:
     machine: MachineProfile
     strategy: Strategy
     response: ServoResponse
-    wanted: LobedPath
+    target: LobedPath
     command: LobedPath
     eq9: Response
     sampled: Response
@@ -96,7 +96,7 @@ def outlook(
         machine=machine,
         strategy=strategy,
         response=inverted,
-        wanted=wanted_path(job) if path is None else path.wanted,
+        target=target_path(job) if path is None else path.target,
         command=command,
         eq9=response_of(job, complex(eq9_response(machine, frequency_hz))),
         sampled=response_of(job, complex(sampled_response(machine, frequency_hz))),

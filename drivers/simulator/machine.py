@@ -129,7 +129,7 @@ class SimulatedLathe:
     def measure(self, past_middle_mm: float = 0.0) -> Trace:
         """Release the part and take its trace; until another is clamped, once more.
 
-        It is taken so far past the middle of the cut, towards the jaws; see `ShopFloor.measure`.
+        It is taken so far past the middle of the cut, towards the jaws; see `SimulatedWorkshop.measure`.
 
         Raises:
             ValueError: there is no section at `past_middle_mm`.
@@ -149,7 +149,7 @@ class SimulatedLathe:
         """Look at the chuck, as an operator does who knows nothing of counts and zeros."""
         machine, motors = self._machine, self.controller.motors
         axes = (machine.tool, machine.spindle, machine.carriage)
-        tool, spindle, carriage = (motors[axis.motor].iron for axis in axes)
+        tool, spindle, carriage = (motors[axis.motor].true_position for axis in axes)
         return self._floor.look(tool, spindle, carriage)
 
     @property

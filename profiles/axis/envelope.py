@@ -126,8 +126,8 @@ def first_beyond(measure: Callable[[FloatArray], FloatArray], limit: float, top_
 def _of_force(tool: ToolAxis, amplitude_m: float, force_n: float) -> float:
     """Solve |-M w^2 + j B w| A = F for the frequency; 0 where nothing of the force is left."""
     mass2, damping2 = tool.moving_mass_kg**2, tool.damping_n_s_per_m**2
-    wanted = (max(force_n, 0.0) / amplitude_m) ** 2
-    omega2 = (math.sqrt(damping2**2 + 4 * mass2 * wanted) - damping2) / (2 * mass2)
+    target = (max(force_n, 0.0) / amplitude_m) ** 2
+    omega2 = (math.sqrt(damping2**2 + 4 * mass2 * target) - damping2) / (2 * mass2)
     return math.sqrt(omega2) / (2 * math.pi)
 
 

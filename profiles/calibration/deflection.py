@@ -226,17 +226,17 @@ def _refuse_unfit(columns: Mapping[str, Floats], jaws: int, youngs_gpa: float, f
 
 def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Floats:
     """Return the best start of a few lengths; contacts give way in proportion to 1 / k, which settles k."""
-    wanted = measured - model.bending_um
-    if wanted.mean() <= 0:
+    target = measured - model.bending_um
+    if target.mean() <= 0:
         value, limit = f"{model.bending_um.mean():.4g} um", f"< {measured.mean():.4g} um"
         raise ProfileError(Problem(code="calibration.bending", value=value, limit=limit))
     found: list[tuple[float, Floats]] = []
     for length_mm in lengths_mm:
         at = np.array([0.0, _START_ALPHA, math.log(length_mm)])
         soft = model.at(at) - model.bending_um
-        k = float(soft @ soft) / max(float(soft @ wanted), ROUNDING)
+        k = float(soft @ soft) / max(float(soft @ target), ROUNDING)
         at[0] = math.log(k)
-        found.append((float(np.sum((wanted - soft / k) ** 2)), at))
+        found.append((float(np.sum((target - soft / k) ** 2)), at))
     return min(found, key=lambda pair: pair[0])[1]
 
 

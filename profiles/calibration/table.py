@@ -144,7 +144,7 @@ class _Reader:
 
     def finished(self, sha256: str) -> MeasuredTable:
         if not self._names and not self.problems:
-            self.problems.append(Problem(code="calibration.empty", where=self._where, limit=self._wanted()))
+            self.problems.append(Problem(code="calibration.empty", where=self._where, limit=self._target()))
         if len(self._decimals) > 1:
             met = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
             self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=met))
@@ -175,13 +175,13 @@ class _Reader:
         for separator in _SEPARATORS:
             names = [column_name(cell) for cell in _cells(line, separator)]
             for kind in self._kinds:
-                wanted = [field.key for field in COLUMNS[kind]]
-                if all(names.count(key) == 1 for key in wanted):
+                target = [field.key for field in COLUMNS[kind]]
+                if all(names.count(key) == 1 for key in target):
                     self._kind, self._separator, self._names = kind, separator, names
-                    self._ignored = tuple(name for name in names if name and name not in wanted)
+                    self._ignored = tuple(name for name in names if name and name not in target)
                     return
         self._names = ["-"]  # the header was met, and says nothing: the rows are not judged
-        self._refuse("calibration.columns", number, value=line, limit=self._wanted())
+        self._refuse("calibration.columns", number, value=line, limit=self._target())
 
     def _take_row(self, number: int, line: str, kind: CalibrationKind) -> None:
         if len(self._rows) >= MOST_ROWS:
@@ -222,7 +222,7 @@ class _Reader:
             self._decimals.setdefault(".", number)
         return float(cell)
 
-    def _wanted(self) -> str:
+    def _target(self) -> str:
         return " | ".join(",".join(field.key for field in COLUMNS[kind]) for kind in self._kinds)
 
     def _refuse(self, code: str, number: int, *, key: str = "", value: str = "", limit: str = "") -> None:

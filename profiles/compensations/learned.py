@@ -38,13 +38,13 @@ class HoldsFor:
 class PartRead:
     """The part that something was learned from: how it was cut, and what was left on it.
 
-    It was cut with the share `share` of `version` (0: of the model, nothing learned); `wanted` is the lobe of that
+    It was cut with the share `share` of `version` (0: of the model, nothing learned); `target` is the lobe of that
     path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its amplitude.
     """
 
     version: int
     share: float
-    wanted: Wave
+    target: Wave
     lobe: Wave
     lobe_sd_um: float
     ront_um: float
@@ -100,8 +100,8 @@ def expected_part(learned: LearnedCompensation, share: float = 1.0) -> ExpectedP
     part = learned.part
     if part is None or learned.is_model:
         return None
-    taken_um = share * learned.path.wanted.waves[0].coefficient
-    left = Wave.of(part.lobe.lobes, part.lobe.coefficient + part.wanted.coefficient - taken_um)
+    taken_um = share * learned.path.target.waves[0].coefficient
+    left = Wave.of(part.lobe.lobes, part.lobe.coefficient + part.target.coefficient - taken_um)
     return ExpectedPart(ront_um=learned.expected_ront_um if share == 1.0 else 2.0 * left.amplitude_um, lobe=left)
 
 
@@ -165,6 +165,6 @@ def _judge(learned: LearnedCompensation) -> None:
     if min(learned.version - 1, learned.parent, learned.reverts or 0) < 0 or not 0.0 < learned.gain <= 1.0:
         raise ValueError(f"version {learned.version}, gain {learned.gain}")
     part = learned.part
-    waves = [*learned.path.wanted.waves, *learned.path.command.waves, *((part.wanted, part.lobe) if part else ())]
+    waves = [*learned.path.target.waves, *learned.path.command.waves, *((part.target, part.lobe) if part else ())]
     if (least := min(wave.lobes for wave in waves)) < 1:
         raise ValueError(f"lobes {least}")

@@ -87,7 +87,7 @@ def learned_command(
     `response` is the nominal one from command to tool, by waves in a turn.
     """
     change = {n: gain * error / response(n) for n, error in error_um.items()}
-    return CutPath(wanted=path.wanted, command=path.command.plus(change))
+    return CutPath(target=path.target, command=path.command.plus(change))
 
 
 def learned_part(
@@ -99,14 +99,14 @@ def learned_part(
     fault of the command alone; the rest is one of what was wanted, and the command follows it by the nominal
     response.
     """
-    wanted = {n: gain * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
+    target = {n: gain * (c - tool.coefficients_um.get(n, 0j)) for n, c in part.coefficients_um.items()}
     mean_um = gain * (part.mean_um - tool.mean_um)
     told = {
-        n: (wanted.get(n, 0j) + tool.coefficients_um.get(n, 0j)) / response(n)
-        for n in (*wanted, *tool.coefficients_um)
+        n: (target.get(n, 0j) + tool.coefficients_um.get(n, 0j)) / response(n)
+        for n in (*target, *tool.coefficients_um)
     }
     return CutPath(
-        wanted=path.wanted.plus(wanted, mean_um), command=path.command.plus(told, mean_um + tool.mean_um)
+        target=path.target.plus(target, mean_um), command=path.command.plus(told, mean_um + tool.mean_um)
     )
 
 
@@ -121,9 +121,9 @@ def trimmed(trim_um: complex, error_um: complex, response: complex, gain: float,
     Raises:
         ProfileError: `learning.trim_limit`; the trim that is in effect stays.
     """
-    wanted = trim_um + gain * error_um / response
-    if not abs(wanted) <= most_um:
+    target = trim_um + gain * error_um / response
+    if not abs(target) <= most_um:
         raise ProfileError(
-            Problem(code="learning.trim_limit", value=f"{abs(wanted):.2f} um", limit=f"<= {most_um:g} um")
+            Problem(code="learning.trim_limit", value=f"{abs(target):.2f} um", limit=f"<= {most_um:g} um")
         )
-    return wanted
+    return target

@@ -40,7 +40,7 @@ class Best:
 
     left_um: float
     sd_um: float
-    wanted: complex
+    target: complex
     command: complex
 
 
@@ -91,7 +91,7 @@ class Watch:
         """Return a path with each wave that has grown as it was at its best."""
         back = {n: self.best[n] for n in self.frozen}
         return CutPath(
-            wanted=path.wanted.plus({n: each.wanted - coefficient_of(path.wanted, n) for n, each in back.items()}),
+            target=path.target.plus({n: each.target - coefficient_of(path.target, n) for n, each in back.items()}),
             command=path.command.plus(
                 {n: each.command - coefficient_of(path.command, n) for n, each in back.items()}
             ),
@@ -102,7 +102,7 @@ def _best(path: CutPath, waves: int, left_um: float, sd_um: float) -> Best:
     return Best(
         left_um=left_um,
         sd_um=sd_um,
-        wanted=coefficient_of(path.wanted, waves),
+        target=coefficient_of(path.target, waves),
         command=coefficient_of(path.command, waves),
     )
 

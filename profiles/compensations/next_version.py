@@ -86,7 +86,7 @@ class CutWith:
     @property
     def spared_um(self) -> dict[int, complex]:
         """The waves of the path that the tool was not told to make, which are to be left on the part."""
-        return {wave.lobes: (1.0 - self.share) * wave.coefficient for wave in self.path.wanted.waves}
+        return {wave.lobes: (1.0 - self.share) * wave.coefficient for wave in self.path.target.waves}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +116,7 @@ class LearningStep:
     @property
     def contraction(self) -> Contraction | None:
         """That of the lobe."""
-        return self.contractions.get(self.next.path.wanted.lobes)
+        return self.contractions.get(self.next.path.target.lobes)
 
 
 def next_version(
@@ -172,7 +172,7 @@ def next_version(
 
 def _plain(cut: CutWith, read: PartRead, job: Job) -> Uncompensated:
     """Return the part as it would have been without its compensation."""
-    path_um = cut.path.wanted.waves[0].coefficient
+    path_um = cut.path.target.waves[0].coefficient
     return uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.share, job)
 
 
@@ -185,11 +185,11 @@ def _gain(gain: float | None, version: LearnedCompensation | None) -> float:
 
 
 def _read(cut: CutWith, part: PartWaves, lobes: int) -> PartRead:
-    wanted = share_of(cut.path, cut.share).wanted.waves[0]
+    target = share_of(cut.path, cut.share).target.waves[0]
     return PartRead(
         version=cut.number,
         share=cut.share,
-        wanted=wanted,
+        target=target,
         lobe=Wave.of(lobes, part.coefficients_um[lobes]),
         lobe_sd_um=part.sd_um[lobes],
         ront_um=part.ront_um(),
@@ -215,12 +215,12 @@ def _lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float)
     """Return what the part and the one before it tell; None where there was none, or where both had one path."""
     before = None if cut.version is None else cut.version.part
     if before is not None:
-        path, lobe, sd_um = before.wanted.coefficient, before.lobe.coefficient, before.lobe_sd_um
+        path, lobe, sd_um = before.target.coefficient, before.lobe.coefficient, before.lobe_sd_um
     elif found_on_a_part(job):
         path, lobe, sd_um = 0j, free_state_lobe(job).waves[0].coefficient, 0.0
     else:
         return None
-    changed = now.wanted.coefficient - path
+    changed = now.target.coefficient - path
     if not changed:
         return None
     sd_um = math.hypot(sd_um, now.lobe_sd_um, scatter_um, scatter_um)
@@ -234,9 +234,9 @@ def _others(cut: CutWith, part: PartWaves, orders: Sequence[int], gain: float) -
         return {}
     before = version.part
     for n in orders:
-        then, now = coefficient_of(cut.parent.wanted, n), coefficient_of(cut.path.wanted, n)
+        then, now = coefficient_of(cut.parent.target, n), coefficient_of(cut.path.target, n)
         changed = cut.share * now - before.share * then
-        if n == cut.path.wanted.lobes or min(abs(now - then), abs(changed)) < ROUNDING_UM:
+        if n == cut.path.target.lobes or min(abs(now - then), abs(changed)) < ROUNDING_UM:
             continue
         left = (now - then) / version.gain + (1.0 - before.share) * then
         # A fit over whole turns is as sure of one wave as of another.

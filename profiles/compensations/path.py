@@ -112,14 +112,14 @@ class LobedPath:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPath:
-    """What a cut does: `wanted` of the tool tip, and `command`, what an axis has to be told for that."""
+    """What a cut does: `target` of the tool tip, and `command`, what an axis has to be told for that."""
 
-    wanted: LobedPath
+    target: LobedPath
     command: LobedPath
 
     def turned(self, by_deg: float) -> CutPath:
         """Return both so many degrees of spindle further on: an axis answers alike wherever the part stands."""
-        return CutPath(wanted=self.wanted.turned(by_deg), command=self.command.turned(by_deg))
+        return CutPath(target=self.target.turned(by_deg), command=self.command.turned(by_deg))
 
 
 def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:
@@ -161,21 +161,21 @@ def free_state_lobe(job: Job) -> LobedPath:
     )
 
 
-def wanted_path(job: Job) -> LobedPath:
+def target_path(job: Job) -> LobedPath:
     """Return the path that the tool tip must really take: the depth of cut plus the free-state lobe."""
     return replace(free_state_lobe(job), mean_um=1000 * job.depth_of_cut_mm)
 
 
-def invert(wanted: LobedPath, response: complex | Callable[[int], complex]) -> LobedPath:
-    """Return the command that makes an axis of this response follow `wanted`.
+def invert(target: LobedPath, response: complex | Callable[[int], complex]) -> LobedPath:
+    """Return the command that makes an axis of this response follow `target`.
 
     `response` is T(j w) from command to position: at the lobe frequency for a path without overtones, else a
     function of the waves in a turn. The amplitude is divided by |T|, the crest comes earlier by -arg T of the
     wave, an nth of that in spindle angle. The mean passes unchanged (T(0) = 1). Raises `ProfileError`
     (`response.too_small`) where the command would be more than `AMPLIFICATION_LIMIT` times the motion.
     """
-    lobe, *overtones = (_inverted(wave, response) for wave in wanted.waves)
-    return replace(wanted, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
+    lobe, *overtones = (_inverted(wave, response) for wave in target.waves)
+    return replace(target, amplitude_um=lobe.amplitude_um, crest_deg=lobe.crest_deg, overtones=tuple(overtones))
 
 
 def _inverted(wave: Wave, response: complex | Callable[[int], complex]) -> Wave:
@@ -231,7 +231,7 @@ class Expected:
 
 def share_of(path: CutPath, share: float) -> CutPath:
     """Return a path with this share of its waves, at the same mean; axes answer in proportion."""
-    return CutPath(wanted=_shared(path.wanted, share), command=_shared(path.command, share))
+    return CutPath(target=_shared(path.target, share), command=_shared(path.command, share))
 
 
 def expected(lobe_um_pp: float, share: float) -> Expected:

@@ -32,21 +32,21 @@ def path_problems(
     `response` is the nominal one from command to tool, by the waves in a turn; `friction_um` by how much dry
     friction may hold the tool back at them, an amplitude of its motion, which its command has to make up for.
     """
-    shapes = (*_shape(path.wanted, job_wants), *_shape(path.command, job_wants))
+    shapes = (*_shape(path.target, job_wants), *_shape(path.command, job_wants))
     if shapes:
         return shapes
-    wanted, command, lobe = path.wanted.waves[0], path.command.waves[0], job_wants.waves[0]
+    target, command, lobe = path.target.waves[0], path.command.waves[0], job_wants.waves[0]
     most_um = MOST_SHARE * lobe.amplitude_um + MOST_WAVE_UM
     off_and_most_um = {
-        "wanted": (abs(wanted.coefficient - lobe.coefficient), most_um),
+        "wanted": (abs(target.coefficient - lobe.coefficient), most_um),
         "command": (
-            abs(response(lobe.lobes) * command.coefficient - wanted.coefficient),
+            abs(response(lobe.lobes) * command.coefficient - target.coefficient),
             most_um + friction_um(lobe.lobes),
         ),
-        "wanted mean": (abs(path.wanted.mean_um - job_wants.mean_um), MOST_MEAN_UM),
-        "command mean": (abs(path.command.mean_um - path.wanted.mean_um), MOST_MEAN_UM),
+        "wanted mean": (abs(path.target.mean_um - job_wants.mean_um), MOST_MEAN_UM),
+        "command mean": (abs(path.command.mean_um - path.target.mean_um), MOST_MEAN_UM),
     }
-    for wave in path.wanted.overtones:
+    for wave in path.target.overtones:
         off_and_most_um[f"{wave.lobes}/rev wanted"] = (wave.amplitude_um, MOST_WAVE_UM)
     for wave in path.command.overtones:
         told_um = abs(response(wave.lobes)) * wave.amplitude_um

@@ -207,7 +207,7 @@ def _enclosing(angle_deg: FloatArray, direction: FloatArray) -> NDArray[np.intp]
 
 def _nearest(direction: FloatArray, parts: int) -> NDArray[np.intp]:
     """Return the points that divide the turn best into so many parts: they hold a circle, or a zone, in place."""
-    wanted = 2 * math.pi * np.arange(parts) / parts
+    target = 2 * math.pi * np.arange(parts) / parts
     return np.asarray(
-        np.argmax(np.column_stack((np.cos(wanted), np.sin(wanted))) @ direction, axis=1), dtype=np.intp
+        np.argmax(np.column_stack((np.cos(target), np.sin(target))) @ direction, axis=1), dtype=np.intp
     )

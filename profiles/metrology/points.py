@@ -74,16 +74,16 @@ def at_equal_angles(angle_deg: FloatArray, deviation_um: FloatArray) -> tuple[Fl
     step = np.arange(-2, angle_deg.size + 2)
     known = np.take(turned[order], step, mode="wrap") + _TURN_DEG * np.floor_divide(step, angle_deg.size)
     values = np.take(deviation_um[order], step, mode="wrap")
-    wanted = np.arange(angle_deg.size) * _TURN_DEG / angle_deg.size
-    first = np.searchsorted(known, wanted, side="right") - 2
+    target = np.arange(angle_deg.size) * _TURN_DEG / angle_deg.size
+    first = np.searchsorted(known, target, side="right") - 2
     near = first[:, np.newaxis] + np.arange(4)
     x, y = known[near], values[near]
-    result = np.zeros(wanted.size)
+    result = np.zeros(target.size)
     for k in range(4):
         others = [j for j in range(4) if j != k]
-        shares = [(wanted - x[:, j]) / (x[:, k] - x[:, j]) for j in others]
+        shares = [(target - x[:, j]) / (x[:, k] - x[:, j]) for j in others]
         result += y[:, k] * shares[0] * shares[1] * shares[2]
-    return wanted, result
+    return target, result
 
 
 def _gaps_deg(angle_deg: ArrayLike) -> FloatArray:

@@ -8,6 +8,6 @@ def mean_diameter_mm(radius_mm: float, mean_deviation_um: float) -> float:
     return 2.0 * (radius_mm + mean_deviation_um / 1000.0)
 
 
-def tool_offset_um(mean_diameter_mm: float, wanted_diameter_mm: float) -> float:
+def tool_offset_um(mean_diameter_mm: float, target_diameter_mm: float) -> float:
     """Return half of what the part is too large by: how far the tool has to go on, positive into the work."""
-    return 500.0 * (mean_diameter_mm - wanted_diameter_mm)
+    return 500.0 * (mean_diameter_mm - target_diameter_mm)

@@ -66,14 +66,14 @@ def servo(machine: MachineProfile) -> tuple[Record, ...]:
 
 def through_servos(paper: Experiments) -> tuple[Record, ...]:
     """Numbers 3, 4 and 5: what a sine and the moves of Prog. 1 leave behind Eq 9 and behind the measured servo."""
-    wanted = (
+    target = (
         (3, "sine_eq9", (38.8, 23.3), 0.2),
         (4, "sine_measured", (14.0, 8.4), 0.1),
         (5, "s_curve_measured", (25.2, 15.1), 0.3),
         (5, "linear_measured", (31.4, 18.8), 0.3),
     )
     records = []
-    for number, model, left, tolerance in wanted:
+    for number, model, left, tolerance in target:
         waves, response, hz = models(paper)[model]
         for experiment, (error, expected) in enumerate(zip(paper.errors_um_pp, left, strict=True), start=1):
             records.append(

@@ -42,7 +42,7 @@ class Dialect:
                 pass
         return [cell.strip() for cell in cells]
 
-    def cause(self, cells: Sequence[str], wanted: int) -> str:
+    def cause(self, cells: Sequence[str], target: int) -> str:
         """Return the code of a cause that spoils a whole file, "" where the line shows none."""
         others = [mark for mark in ";\t" if mark != self.separator]
         if any(mark in cell for mark in others for cell in cells):
@@ -50,9 +50,9 @@ class Dialect:
         if self.separator == ",":
             if any(_COMMA_NUMBER.fullmatch(cell) for cell in cells):
                 return "trace.decimal_comma"
-            split = wanted < len(cells) <= 2 * wanted and all(_WHOLE_NUMBER.fullmatch(cell) for cell in cells)
-            return "trace.decimal_comma" if split and wanted > 1 else ""
-        if len(cells) == 1 < wanted and "," in cells[0]:
+            split = target < len(cells) <= 2 * target and all(_WHOLE_NUMBER.fullmatch(cell) for cell in cells)
+            return "trace.decimal_comma" if split and target > 1 else ""
+        if len(cells) == 1 < target and "," in cells[0]:
             return "trace.separator"
         signs = {mark for cell in cells for mark in ",." if mark in cell}
         if len(signs | {self._decimal} - {""}) > 1:

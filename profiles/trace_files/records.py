@@ -55,9 +55,9 @@ def read_smd(text: str, where: str) -> ClosedProfile:
     head, _, heights = _records(text, "\x03", where)
     _feature(head, where)
     x, z = _axis("CX", head, where), _axis("CZ", head, where)
-    for name, axis, wanted in (("CX", x, "I"), ("CZ", z, "A")):
-        if axis.kind != wanted:
-            raise unusable(where, name, axis.kind, wanted)
+    for name, axis, target in (("CX", x, "I"), ("CZ", z, "A")):
+        if axis.kind != target:
+            raise unusable(where, name, axis.kind, target)
     step = number(x.further[0] if x.further else "", "CX", where, ABOVE_ZERO, 1e6)
     step_m = step * x.um_per_number / UM_PER_M
     return closed("SMD", _heights(heights, z), z.points, step_m, where)

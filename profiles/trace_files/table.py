@@ -60,14 +60,14 @@ class TableReader:
             self._take_header(number, line, self._dialect.cells(self._dialect.header))
             return
         cells = self._dialect.cells(line)
-        wanted = 2 if self.columns is None else len(self.columns.names)
-        if cause := self._dialect.cause(cells, wanted):
+        target = 2 if self.columns is None else len(self.columns.names)
+        if cause := self._dialect.cause(cells, target):
             self._spoil(cause, number, value=line, limit=PLAIN_HEADER)
         elif len(self.second) >= MOST_POINTS:
             self._spoil(
                 "trace.too_large", number, value=f"> {MOST_POINTS} points", limit=f"<= {MOST_POINTS} points"
             )
-        elif len(cells) != wanted:
+        elif len(cells) != target:
             names = TABLES[0].names if self.columns is None else self.columns.names
             self._refuse("trace.columns", number, value=line, limit=",".join(names))
         else:

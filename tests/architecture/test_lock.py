@@ -45,5 +45,5 @@ def test_every_requirement_has_a_hash() -> None:
 
 def test_every_direct_dependency_is_locked() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = {normal(item) for item in (*project["dependencies"], *project["optional-dependencies"]["test"])}
-    assert sorted(wanted - set(requirements())) == []
+    target = {normal(item) for item in (*project["dependencies"], *project["optional-dependencies"]["test"])}
+    assert sorted(target - set(requirements())) == []

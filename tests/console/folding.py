@@ -9,7 +9,7 @@ from hashlib import sha256
 from itertools import groupby
 
 LOOK = re.compile(r"(?P<lease>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
-LEASE = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
+WATCHDOG = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
 CONSTANTS = re.compile(r"(?:M\d+|I\d+)=\d+(?: P\d+)+")
 """Some constants of the program that runs, read between two looks."""
 ENTRIES = re.compile(r"-?\d+(?: -?\d+){15}")
@@ -33,7 +33,7 @@ class Exchange:
     @property
     def waits(self) -> bool:
         """Whether somebody only looks on, or renews the lease."""
-        return any(each.fullmatch(self.said) is not None for each in (LOOK, LEASE, CONSTANTS))
+        return any(each.fullmatch(self.said) is not None for each in (LOOK, WATCHDOG, CONSTANTS))
 
 
 def exchanges(lines: Sequence[str]) -> list[Exchange]:
@@ -87,7 +87,7 @@ def _folded(group: Sequence[Exchange]) -> Iterator[str]:
     for each in group[: first + 1]:
         yield from each.lines
     between = group[first + 1 : last]
-    renewals = sum(LEASE.match(each.said) is not None for each in between)
+    renewals = sum(WATCHDOG.match(each.said) is not None for each in between)
     yield f"# {len(looks) - 2} more looks like this, the lease renewed {renewals} times"
     for each in group[last:]:
         yield from each.lines

@@ -29,7 +29,7 @@ from profiles.chucking.advice import clamping_advice
 from profiles.confidence import student
 from profiles.findings import Severity
 from profiles.job import Job
-from profiles.machine import MachineProfile, iron_problems
+from profiles.machine import MachineProfile, real_machine_problems
 from profiles.problem import ProfileError
 from profiles.rules import check, lobe_as_found
 from profiles.store import BUNDLED_MACHINES, load_job, load_machine
@@ -219,7 +219,7 @@ def test_what_is_proven_of_a_machine_does_not_look_at_its_calibrations(
             stop_key(client, machine, client.dialect),
             ours(machine, client.dialect),
             read_fingerprint(client, machine, client.dialect).configuration,
-            iron_problems(machine),
+            real_machine_problems(machine),
             record_path(data, machine),
             first_spindle_counts(JOB, machine, Strategy.PVT),
             plan_cut(JOB, machine, Strategy.PVT).text,

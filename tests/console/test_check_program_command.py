@@ -299,8 +299,8 @@ def test_wrong_words_are_wrong_usage(console: Console, meant: Path) -> None:
 def test_every_finding_and_every_sentence_has_its_words(language: str) -> None:
     (folder,) = package.__path__
     entries = tomllib.loads((Path(folder) / "text" / language / "check-program.toml").read_text("utf-8"))
-    wanted = {f"check.finding.{code}" for code in Code} | {f"check.said.{said}" for said in Said}
-    assert wanted == {key for key in entries if key.startswith(("check.finding.", "check.said."))}
+    target = {f"check.finding.{code}" for code in Code} | {f"check.said.{said}" for said in Said}
+    assert target == {key for key in entries if key.startswith(("check.finding.", "check.said."))}
     assert load(language)("check.clean") == entries["check.clean"]
 
 

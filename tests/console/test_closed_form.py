@@ -70,7 +70,7 @@ def test_what_only_a_program_can_say_is_not_guessed() -> None:
 def test_a_learned_path_is_what_everything_is_of() -> None:
     """One wave more in the command, of 2 um: what it leaves is that wave as the loop answers to it."""
     model = outlook(JOB, MACHINE, Strategy.CAM)
-    path = CutPath(wanted=model.wanted, command=model.command.plus({6: 2.0 + 0.0j}))
+    path = CutPath(target=model.target, command=model.command.plus({6: 2.0 + 0.0j}))
     seen = preview(JOB, MACHINE, Strategy.CAM, path=path)
     early = closed_form(outlook(JOB, MACHINE, Strategy.CAM, path=path), Strategy.CAM)
     assert early is not None

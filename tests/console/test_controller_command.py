@@ -18,7 +18,7 @@ from console.cli.machine.card_access import Card
 from drivers.commissioning.check import Group
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
-from drivers.commissioning.stops import RunOn
+from drivers.commissioning.stops import StoppingDistance
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.drivers.commissioned import Commissioned, commissioned, of_family
@@ -51,8 +51,7 @@ def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Com
             kind=kind,
         )
 
-    for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
+    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
     return made
 
 
@@ -77,8 +76,7 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
             kind="PMAC1",
         )
 
-    for module in ("controller", "doctor"):
-        monkeypatch.setattr(f"console.cli.machine.{module}.opened_card", opened)
+    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -204,7 +202,7 @@ def test_a_proven_machine_of_iron_has_a_stop_record_until_it_stops_otherwise(
     card.tell("I219=0.1")
     # Ramps of the card that are longer than what was read back makes of them.
     bounds = "drivers.commissioning.proofs.stop_results.after_abort"
-    monkeypatch.setattr(bounds, lambda speed, rate, late_ms: RunOn(0.0, 0.0))
+    monkeypatch.setattr(bounds, lambda speed, rate, late_ms: StoppingDistance(0.0, 0.0))
     assert console("doctor", "--prove", "--yes").code == 1
     assert not file.exists()
 

@@ -28,7 +28,7 @@ from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.machine import SimulatedLathe
 from profiles.calibration.wrench import fit_wrench
 from profiles.compensations.learned import LearnedCompensation, PartRead
-from profiles.compensations.path import CutPath, Wave, wanted_path
+from profiles.compensations.path import CutPath, Wave, target_path
 from profiles.own_values import DEPTH_CAP, from_json
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
@@ -70,15 +70,15 @@ DEEP = ("[" * 100_000, '{"schema":' * 50_000, f'{{"schema": {"[" * 900}{"]" * 90
 
 
 def learned(data: Path) -> Path:
-    path = wanted_path(JOB.job)
+    path = target_path(JOB.job)
     wave = Wave.of(3, 1.0 + 1.0j)
-    part = PartRead(version=0, share=1.0, wanted=wave, lobe=wave, lobe_sd_um=0.1, ront_um=2.0)
+    part = PartRead(version=0, share=1.0, target=wave, lobe=wave, lobe_sd_um=0.1, ront_um=2.0)
     version = LearnedCompensation(
         holds_for=asked_for(JOB, MACHINE, "cam", simulated=True),
         version=1,
         parent=0,
         gain=1.0,
-        path=CutPath(wanted=path, command=path),
+        path=CutPath(target=path, command=path),
         part=part,
         date="2001-11-30T10:00:00Z",
     )

@@ -66,7 +66,7 @@ class Floor:
 
 def cut(machine: MachineProfile, set_rpm: float) -> tuple[Floor, float]:
     floor = Floor(machine, set_rpm)
-    plan = plan_run(JOB, machine, Strategy.TIMEBASE, lease=cut_condition(machine))
+    plan = plan_run(JOB, machine, Strategy.TIMEBASE, watchdog=cut_condition(machine))
     trace = cut_part(floor.context, JOB, plan.cut, lambda step, detail: None).trace
     assert trace is not None
     return floor, evaluate(trace.angle_deg, trace.deviation_um, 50.0).ront_um

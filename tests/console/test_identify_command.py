@@ -32,7 +32,7 @@ SHORT = ("--frequencies", "30,70", "--periods", "8")
 MACHINE = load_machine("lee-2001-lathe").machine
 
 
-def iron(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data: Path) -> Stand:
+def true_position(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data: Path) -> Stand:
     """Let the command take a simulated machine for one of iron, that somebody has signed for."""
     signed_copy(machine.name, data / "trilobe" / "machines")
     made = stand(machine)
@@ -146,7 +146,7 @@ def test_without_an_address_nothing_is_started(console: Console) -> None:
 def test_iron_is_not_moved_without_its_name(
     console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
-    made = iron(MACHINE, monkeypatch, data_folder)
+    made = true_position(MACHINE, monkeypatch, data_folder)
     said = console("identify", "--link", "tcp:lathe:1", *SHORT)  # no terminal to ask at
     assert (said.code, "--yes" in said.err) == (1, True)
     typed("lee-2001\n", monkeypatch)
@@ -159,7 +159,7 @@ def test_iron_is_not_moved_without_its_name(
 def test_iron_is_moved_when_its_name_is_typed_and_left_with_its_drives_off(
     console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
-    made = iron(MACHINE, monkeypatch, data_folder)
+    made = true_position(MACHINE, monkeypatch, data_folder)
     typed("lee-2001-lathe\n", monkeypatch)
     said = console("identify", "--link", "tcp:lathe:1", "--json", *SHORT)
     assert said.code == 0
@@ -173,7 +173,7 @@ def test_iron_with_an_unknown_safety_device_is_not_moved(
     console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path, device: str
 ) -> None:
     changed: dict[str, Any] = {device: "unknown"}
-    made = iron(replace(MACHINE, safety=replace(MACHINE.safety, **changed)), monkeypatch, data_folder)
+    made = true_position(replace(MACHINE, safety=replace(MACHINE.safety, **changed)), monkeypatch, data_folder)
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
     assert (said.code, device in said.err) == (1, True)
     assert not made.drives_on
@@ -183,7 +183,7 @@ def test_iron_with_an_unknown_safety_device_is_not_moved(
 def test_drives_that_are_on_are_left_alone(
     console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
-    made = iron(MACHINE, monkeypatch, data_folder)
+    made = true_position(MACHINE, monkeypatch, data_folder)
     made.tell("#3J/")
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
     assert (said.code, said.out.count("\n") < 7) == (1, True)
@@ -210,7 +210,7 @@ def test_a_point_of_low_coherence_is_marked(
 def test_a_reader_that_is_gone_stops_the_machine(
     console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
-    made = iron(MACHINE, monkeypatch, data_folder)
+    made = true_position(MACHINE, monkeypatch, data_folder)
 
     def broken(*_: object, **__: object) -> None:
         raise BrokenPipeError

@@ -13,8 +13,8 @@ from console.session.station.jogging import (
     is_too_long,
     longest_in_mm,
     longest_toward_mm,
-    overrun,
     step_of,
+    stopping_distance,
     tool_radius_mm,
 )
 from drivers.lathe.lengths import settings_of
@@ -80,7 +80,7 @@ def test_no_stop_in_a_step_runs_further_than_is_promised(
     machine: MachineProfile, axis: AxisName, rung: int
 ) -> None:
     step = step_of(axis, rung)
-    assert farthest(machine, axis, step) <= overrun(machine, axis, step) + 1e-9
+    assert farthest(machine, axis, step) <= stopping_distance(machine, axis, step) + 1e-9
 
 
 @pytest.mark.parametrize(("axis", "rung"), STEPS)
@@ -89,7 +89,7 @@ def test_a_soft_abort_may_go_beyond_the_step_and_is_told_so(
 ) -> None:
     soft = with_variable(machine, f"I{MOTORS[axis]}15", 0.01)
     step = step_of(axis, rung)
-    assert farthest(soft, axis, step) <= overrun(soft, axis, step) + 1e-9
+    assert farthest(soft, axis, step) <= stopping_distance(soft, axis, step) + 1e-9
 
 
 @pytest.mark.parametrize(("axis", "rung"), STEPS)
@@ -104,16 +104,16 @@ def test_no_step_is_faster_than_its_bound(machine: MachineProfile, axis: AxisNam
 
 def test_a_long_step_of_the_tool_runs_on_about_half_a_millimetre(machine: MachineProfile) -> None:
     # 10 mm/s for 55 ms, then 50 counts/ms at 40 counts/ms2: 31 counts of 0.2 um.
-    assert overrun(machine, AxisName.TOOL, 10.0) == pytest.approx(0.550 + 0.00625)
+    assert stopping_distance(machine, AxisName.TOOL, 10.0) == pytest.approx(0.550 + 0.00625)
 
 
 def test_a_short_step_never_reaches_the_jog_speed(machine: MachineProfile) -> None:
-    assert overrun(machine, AxisName.TOOL, 0.01) < 0.01
-    assert overrun(machine, AxisName.TOOL, -0.01) == overrun(machine, AxisName.TOOL, 0.01)
+    assert stopping_distance(machine, AxisName.TOOL, 0.01) < 0.01
+    assert stopping_distance(machine, AxisName.TOOL, -0.01) == stopping_distance(machine, AxisName.TOOL, 0.01)
 
 
 def test_without_an_abort_rate_nothing_is_promised(machine: MachineProfile) -> None:
-    assert overrun(with_variable(machine, "I115", 0.0), AxisName.TOOL, 0.001) == float("inf")
+    assert stopping_distance(with_variable(machine, "I115", 0.0), AxisName.TOOL, 0.001) == float("inf")
 
 
 def test_the_ladder_is_in_degrees_for_the_spindle_alone() -> None:

@@ -65,7 +65,7 @@ class Row:
     def learn(self, monkeypatch: pytest.MonkeyPatch) -> float:
         """Return the roundness of the part."""
         monkeypatch.setattr(learning, "MOST_AIR_PASSES", 0)
-        plan = plan_run(JOB, MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
+        plan = plan_run(JOB, MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
         return learn(plan, self.shop, self.tell, 1).parts[0].roundness.ront_um
 
 
@@ -125,7 +125,7 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
     monkeypatch.setattr(learning, "MOST_AIR_PASSES", 3)
     for compared in ("reference", "floor"):
         monkeypatch.setattr(learning._Learner, compared, lambda *_: None)
-    plan = plan_run(replace(JOB, cut_length_mm=1.0), MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
+    plan = plan_run(replace(JOB, cut_length_mm=1.0), MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
     result = learn(plan, row.shop, row.tell, 1)
     (part,) = result.parts
     (grown,) = part.grown
@@ -155,7 +155,7 @@ def test_an_axis_that_needs_more_than_friction_takes_is_named_in_air(monkeypatch
         return (Problem(code="path.beyond", key="command", value="60.0 um", limit="<= 41.8 um"),)
 
     monkeypatch.setattr(planning, "path_problems", off)
-    plan = plan_run(replace(JOB, cut_length_mm=0.5), MACHINE, Strategy.CAM, lease=cut_condition(MACHINE))
+    plan = plan_run(replace(JOB, cut_length_mm=0.5), MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
     with pytest.raises(ProblemError) as refused:
         learn(plan, Row(lambda _: None).shop, lambda *_: None, 1)
     said = load("en").problem(refused.value.problems[0])

@@ -131,7 +131,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     assert lobe_um_pp(second) < 3.5 < 7.0 < lobe_um_pp(first)
     two = accept(lesson(second), shop.data)
     assert (two.version, two.parent, two.gain) == (2, 1, 0.7)
-    assert two.path.wanted.crest_deg == pytest.approx(one.path.wanted.crest_deg, abs=1.0)
+    assert two.path.target.crest_deg == pytest.approx(one.path.target.crest_deg, abs=1.0)
 
     # The commands learn the same of it, by what the record says of a cut on the screen.
     trace = tmp_path / "second.csv"
@@ -140,7 +140,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     said = console("learn", str(trace), *of_job, "--json").json
     made = {"compensation": "1", "strategy": "cam", "stage": "full", "inverted": "model"}
     assert said["cut_with"] == {**made, "cut_jaw_1_deg": str(second.jaw_1_deg)}
-    assert said["next"]["path"]["wanted"]["crest_deg"] == pytest.approx(two.path.wanted.crest_deg, abs=1e-3)
+    assert said["next"]["path"]["wanted"]["crest_deg"] == pytest.approx(two.path.target.crest_deg, abs=1e-3)
 
     # Back, step by step, as the commands go: to the first version, then to the model.
     three = revert(two, shop.job, shop.machine, shop.data, simulated=True)
@@ -190,11 +190,11 @@ def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
     real = replace(one, holds_for=replace(one.holds_for, simulated=False))
     assert "learned.elsewhere" in shop.refused(compensation=real)
     assert shop.refused(stage=Stage.PARTIAL, strategy=Strategy.PAPER) == ["stage.strategy"]
-    beyond = replace(one.path.wanted, amplitude_um=80.0)
+    beyond = replace(one.path.target, amplitude_um=80.0)
     (file,) = shop.data.glob("learned/**/version-*.json")
     file.unlink()
     assert shop.refused(compensation=one) == ["learned.file_changed"]
-    far = replace(one, path=replace(one.path, wanted=beyond))
+    far = replace(one, path=replace(one.path, target=beyond))
     store(shop.data, far)
     assert shop.refused(compensation=one) == ["learned.file_changed"]
     assert "path.beyond" in shop.refused(compensation=far)
@@ -205,7 +205,7 @@ def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
 
 def test_a_cut_in_air_leaves_the_blank_as_it_was(shop: Shop) -> None:
     whole, half = (shop.armed(stage=stage).plan for stage in (Stage.FULL, Stage.PARTIAL))
-    assert half.wanted.amplitude_um == pytest.approx(0.5 * whole.wanted.amplitude_um)
+    assert half.target.amplitude_um == pytest.approx(0.5 * whole.target.amplitude_um)
     air = shop.armed(stage=Stage.AIR).plan
     # 1 mm and the depth of cut.
     out_mm = (whole.setup.surface - air.setup.surface) / shop.machine.machine.tool.counts_per_mm

@@ -31,8 +31,8 @@ LEARNED = LearnedCompensation(
     version=1,
     parent=0,
     gain=0.5,
-    path=CutPath(wanted=PATH, command=PATH),
-    part=PartRead(version=0, share=1.0, wanted=WAVE, lobe=WAVE, lobe_sd_um=0.1, ront_um=5.0),
+    path=CutPath(target=PATH, command=PATH),
+    part=PartRead(version=0, share=1.0, target=WAVE, lobe=WAVE, lobe_sd_um=0.1, ront_um=5.0),
     date="2001-11-30T14:05:00Z",
 )
 CALIBRATION = calibrations.Calibration(

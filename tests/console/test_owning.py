@@ -85,7 +85,7 @@ def test_a_second_console_of_this_computer_looks_on_and_writes_nothing(
     for order in (
         second.lathe.enable,
         second.lathe.switch_off,
-        second.lathe.program.hold,
+        second.lathe.program.end_after_turn,
         second.lathe.program.tables_left,
     ):
         with pytest.raises(RefusedError) as error:
@@ -210,7 +210,7 @@ def test_who_was_pushed_aside_says_nothing_more_to_the_card_but_a_stop(
     orders: tuple[Callable[[], object], ...] = (
         first.lathe.enable,
         first.lathe.switch_off,
-        first.lathe.program.hold,
+        first.lathe.program.end_after_turn,
         first.lathe.program.tables_left,
         first.lathe.program.put_back,
     )

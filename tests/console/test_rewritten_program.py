@@ -59,7 +59,7 @@ def test_console_run_refuses_it_and_leaves_the_machine_at_rest(line: str, code: 
         if now is step:
             rewrite(sim, line)
 
-    plan = plan_cut(job, machine, Strategy.PVT, lease=context.lathe.program.lease)
+    plan = plan_cut(job, machine, Strategy.PVT, watchdog=context.lathe.program.watchdog)
     with pytest.raises(SessionError) as refused:
         cut_part(context, job, plan, tell)
     assert refused.value.problems[0].code == code

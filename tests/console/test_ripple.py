@@ -116,6 +116,6 @@ def test_a_cut_tells_the_swing_of_its_spindle(
     floor.do(Start())
     cut = floor.state.cut
     assert cut is not None and cut.ripple is not None
-    iron = swing_of_the_iron(np.array(recorder.positions[in_part[0] : in_part[-1]]))
-    assert cut.ripple_percent == pytest.approx(iron, abs=cut.ripple.within_percent)
-    assert iron == pytest.approx(200.0 * share, abs=0.1)
+    true_position = swing_of_the_iron(np.array(recorder.positions[in_part[0] : in_part[-1]]))
+    assert cut.ripple_percent == pytest.approx(true_position, abs=cut.ripple.within_percent)
+    assert true_position == pytest.approx(200.0 * share, abs=0.1)

@@ -21,6 +21,7 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
+from profiles.problem import ProblemError
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, OneConsole, console_of
 from tests.console.test_controller_command import card as card
@@ -101,8 +102,8 @@ def test_there_is_no_moment_of_a_claim_in_which_a_signal_is_lost_or_stops_anothe
         except RefusedError:
             endings.add("refused")
             assert holder == ANOTHER
-        except Exception as error:
-            assert "machine.stopped" in str(error), error
+        except ProblemError as error:
+            assert error.problems[0].code == "machine.stopped", error
             endings.add("stopped")
         else:
             endings.add("in the release")
@@ -138,8 +139,9 @@ def test_what_was_ours_and_still_moves_is_stopped_though_another_has_written_his
 
     said: list[bytes] = []
     console.looks.append(ousted)
-    with pytest.raises(Exception, match=r"machine.stopped|owner.ousted"):
+    with pytest.raises(ProblemError) as ended:
         console.lathe.home()
+    assert ended.value.problems[0].code in ("machine.stopped", "owner.ousted")
     assert set(said[0]) & set(STOPS)
 
 

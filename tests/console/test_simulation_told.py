@@ -38,7 +38,7 @@ def test_a_plant_a_seed_and_a_spread_are_handed_on() -> None:
     assert told("--seed", "7") == SimulatedAddress(seed=7)
 
 
-def iron(*words: str) -> TrueParameters | None:
+def plant(*words: str) -> TrueParameters | None:
     machine: MachineProfile = load_machine("lee-2001-lathe").machine
     return true_parameters_of(
         build(load("en")).parse_args(["run", "lee-2001-experiment-1", "--sim", *words]), machine
@@ -48,10 +48,10 @@ def iron(*words: str) -> TrueParameters | None:
 def test_a_run_that_nobody_aligns_is_on_a_lathe_that_needs_no_alignment() -> None:
     """A seed or a spread alone leaves it as its profile says, with jaw 1 and the tip where the job has them."""
     nominal = ideal(load_machine("lee-2001-lathe").machine)
-    assert iron() is None
-    assert iron("--seed", "1") == replace(nominal, seed=1)
-    assert iron("--seed", "1", "--clamping-sd", "3") == replace(nominal, seed=1, clamping_force_spread=0.03)
-    real = iron("--plant", "realistic", "--seed", "1")
+    assert plant() is None
+    assert plant("--seed", "1") == replace(nominal, seed=1)
+    assert plant("--seed", "1", "--clamping-sd", "3") == replace(nominal, seed=1, clamping_force_spread=0.03)
+    real = plant("--plant", "realistic", "--seed", "1")
     assert real is not None
     assert (real.jaw_1_deg, real.home_radius_mm) == (None, nominal.home_radius_mm)
 

@@ -83,9 +83,9 @@ def test_a_machine_of_iron_needs_a_record_of_its_own(tmp_path: Path, simulated: 
 def test_nothing_is_armed_while_the_connection_for_stops_is_lost(tmp_path: Path, simulated: StopRecord) -> None:
     card = commissioned(MACHINE)
     store(tmp_path, MACHINE, replace(simulated, stop_way=StopWay.RESERVED))
-    for way, wanted in ((StopWay.LOST, ["stops.connection_lost"]), (StopWay.RESERVED, [])):
+    for way, target in ((StopWay.LOST, ["stops.connection_lost"]), (StopWay.RESERVED, [])):
         card.link.stop_way = way
-        assert said(card, tmp_path) == wanted
+        assert said(card, tmp_path) == target
 
 
 def test_what_is_stored_comes_back(tmp_path: Path, simulated: StopRecord) -> None:

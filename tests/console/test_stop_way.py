@@ -85,12 +85,12 @@ def test_a_record_is_kept_with_the_way_of_its_stops_and_taken_away_with_a_lost_o
     kept = load(tmp_path, MACHINE)
     assert (None if kept is None else kept.stop_way) == (None if way is StopWay.LOST else way)
     told = {check.code: check.severity for check in stop_checks(options, card, TODAY)}
-    wanted = {
+    target = {
         StopWay.DIRECT: {"stop_record": Severity.OK},
         StopWay.RESERVED: {"stop_connection": Severity.OK, "stop_record": Severity.OK},
         StopWay.LOST: {"stop_connection": Severity.REFUSAL, "stops_no_record": Severity.WARNING},
     }
-    assert told == wanted[way]
+    assert told == target[way]
 
 
 def _stop(way: Way, origin: Origin, axis: str) -> StopEntry:

@@ -28,15 +28,15 @@ FOLLOWING = [strategy for strategy in Strategy if strategy is not Strategy.NONE]
 @pytest.mark.parametrize("rpm", [None, 0.0, 970.0])
 def test_without_its_speed_a_spindle_is_waited_for(strategy: Strategy, rpm: float | None) -> None:
     for begun in (False, True):
-        assert before_part(strategy, spindle_rpm=rpm, wanted_rpm=1000.0, begun=begun) is QUEUED
+        assert before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=begun) is QUEUED
 
 
 @pytest.mark.parametrize("rpm", [985.0, 1000.0, -1000.0, 1015.0])
 def test_only_a_program_on_the_spindles_time_waits_for_its_index(rpm: float) -> None:
     for strategy in FOLLOWING:
-        now = before_part(strategy, spindle_rpm=rpm, wanted_rpm=1000.0, begun=False)
+        now = before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=False)
         assert now is (WAITING if strategy is Strategy.TIMEBASE else QUEUED)
-        assert before_part(strategy, spindle_rpm=rpm, wanted_rpm=1000.0, begun=True) is QUEUED
+        assert before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=True) is QUEUED
 
 
 @pytest.mark.parametrize(("in_phase", "told"), [(True, IN_SYNC), (False, LOST), (None, None)])
@@ -45,20 +45,20 @@ def test_in_the_part_the_phase_decides(
     in_phase: bool | None, told: Synchronisation | None, rpm: float | None
 ) -> None:
     for strategy in FOLLOWING:
-        assert in_part(strategy, spindle_rpm=rpm, wanted_rpm=1000.0, in_phase=in_phase) is told
+        assert in_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, in_phase=in_phase) is told
 
 
 @given(st.floats(-49.0, 49.0), st.sampled_from([True, False, None]), st.sampled_from(FOLLOWING))
 def test_a_spindle_that_stands_in_the_part_is_lost_in_any_phase(
     rpm: float, in_phase: bool | None, strategy: Strategy
 ) -> None:
-    assert in_part(strategy, spindle_rpm=rpm, wanted_rpm=1000.0, in_phase=in_phase) is LOST
+    assert in_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, in_phase=in_phase) is LOST
 
 
 @pytest.mark.parametrize("rpm", [None, 0.0, 1000.0])
 def test_a_tool_that_follows_no_lobe_keeps_nothing(rpm: float | None) -> None:
-    assert before_part(Strategy.NONE, spindle_rpm=rpm, wanted_rpm=1000.0, begun=False) is None
-    assert in_part(Strategy.NONE, spindle_rpm=rpm, wanted_rpm=1000.0, in_phase=None) is None
+    assert before_part(Strategy.NONE, spindle_rpm=rpm, target_rpm=1000.0, begun=False) is None
+    assert in_part(Strategy.NONE, spindle_rpm=rpm, target_rpm=1000.0, in_phase=None) is None
 
 
 # In a cut -------------------------------------------------------------------------------------------------------
@@ -73,7 +73,7 @@ def test_a_followed_spindle_that_comes_to_stand_is_lost_and_has_no_ripple() -> N
     told = []
     for number in range(200):
         turns = 0.4056 * min(number, 150)
-        infeed_um = plan.wanted.at_um(360.0 * turns)
+        infeed_um = plan.target.at_um(360.0 * turns)
         look = look_at(
             ON,
             tool=plan.setup.surface + float(infeed_um) / machine.tool.count_um,

@@ -60,7 +60,7 @@ def transcript(family: str, strategy: Strategy) -> tuple[tuple[str, ...], CutOut
     client, stop = PmacClient(link, sim), StopPath(link)
     ownership = Ownership(client, Random(2001))
     lathe = Lathe(client, machine, sim, stop, heartbeat=Heartbeat(client, sim, machine), ownership=ownership)
-    plan = plan_cut(job, machine, strategy, lease=lathe.program.lease)
+    plan = plan_cut(job, machine, strategy, watchdog=lathe.program.watchdog)
     lathe.connect()
     lathe.claim()
     shop = CutContext(lathe=lathe, workshop=sim)

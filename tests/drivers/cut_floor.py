@@ -58,12 +58,12 @@ class CutFloor:
         machine: MachineProfile,
         strategy: Strategy,
         true: TrueParameters | None = None,
-        lease: str = "",
+        watchdog: str = "",
         *,
         trimmed: bool = False,
     ) -> None:
         self.job, self.machine = job, machine
-        self.plan: CutPlan = plan_cut(job, machine, strategy, lease=lease, trimmed=trimmed)
+        self.plan: CutPlan = plan_cut(job, machine, strategy, watchdog=watchdog, trimmed=trimmed)
         sim = SimulatedLathe(machine, true, DIALECTS[machine.controller.family])
         self.card = Wire(sim=sim, port=sim.connect())
         self.card.raw("I3=2 I6=1\r")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.keeper import Keeper
-from drivers.pmac.heartbeat.lease import lease_condition
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from profiles.machine import MachineProfile
 from tests.drivers.plc_card import plc_card, run_for, values
 from tests.drivers.wire_card import Wire
@@ -103,7 +103,7 @@ def cut_program(loop: str, *, with_spindle: bool = True) -> tuple[str, ...]:
 
 
 def leased_loop(dialect: Dialect) -> str:
-    return f"M26=0 AND {lease_condition(dialect)}"
+    return f"M26=0 AND {watchdog_condition(dialect)}"
 
 
 def begin_cut(host: Host, program: Iterable[str], grace_ms: float | None = None) -> None:

@@ -36,15 +36,15 @@ def test_the_turbo_is_set_as_the_pmac_is() -> None:
     """Each setting of the PMAC has its place on a Turbo; the flags of a channel are another word there."""
     paper, turbo = load_machine(PAPER).machine, load_machine(TURBO).machine
     dialect = dialect_of(turbo)
-    wanted = settings_with(paper.controller.variables, dialect)
+    target = settings_with(paper.controller.variables, dialect)
     found = settings_with(turbo.controller.variables, dialect)
     flags = {dialect.index(Setting.FLAG_MODE, motor) for motor in (1, 2, 3)}
     differing = {
-        index for index in wanted.keys() | found.keys() if wanted.get(index, 0.0) != found.get(index, 0.0)
+        index for index in target.keys() | found.keys() if target.get(index, 0.0) != found.get(index, 0.0)
     }
     assert differing == flags | {40}
     for index in flags:
-        assert int(found[index]) >> 16 == int(wanted[index]) >> 16
+        assert int(found[index]) >> 16 == int(target[index]) >> 16
 
 
 def test_the_turbo_watchdog_trips_after_a_tenth_of_a_second() -> None:

@@ -45,10 +45,10 @@ def test_the_wave_that_is_asked_for_is_added_smoothly_and_gone_when_the_tool_is_
     turns = (track.spindle - floor.plan.spindle_start) / 10_000
     before, behind = (turns > 14) & (turns < 28), (turns > 42) & (turns < 60)
     angle = np.radians(track.spindle / COUNTS_PER_DEG)
-    for part, wanted_um in ((before, 0j), (behind, TRIM_UM)):
+    for part, target_um in ((before, 0j), (behind, TRIM_UM)):
         beside_um = track.tool_told[part] * 0.2 - added_um(floor, track.spindle[part])
         lobe = 2.0 * np.mean((beside_um - beside_um.mean()) * np.exp(-3j * angle[part]))
-        assert lobe == pytest.approx(wanted_um, abs=0.15)
+        assert lobe == pytest.approx(target_um, abs=0.15)
     # Asked for at once, it comes in some hundredths of a second: no step in what the tool is told.
     steps_um = np.abs(np.diff(track.tool_told, 2)) * 0.2
     quiet = steps_um[(turns[1:-1] > 14) & (turns[1:-1] < 28)].max()

@@ -14,7 +14,7 @@ from drivers.cutting.table_state import switch_off, table_problems
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
-from profiles.compensations.path import wanted_path
+from profiles.compensations.path import target_path
 from profiles.problem import ProblemError
 from tests.drivers.close_together import machine as machine
 from tests.drivers.cut_floor import FAMILIES, CutFloor, Track, of_family, short, with_inverter
@@ -34,7 +34,7 @@ def turns_of_feed(floor: CutFloor, track: Track) -> float:
 def excess_um(floor: CutFloor, track: Track) -> np.ndarray:
     """How much further in the tool is than the wanted path at the angle of the spindle."""
     infeed_um = (track.tool - floor.plan.setup.surface) * 0.2
-    return np.asarray(infeed_um - wanted_path(floor.job).at_um(track.spindle * 0.036))
+    return np.asarray(infeed_um - target_path(floor.job).at_um(track.spindle * 0.036))
 
 
 @FAMILIES
@@ -106,7 +106,7 @@ def test_a_hold_ends_the_cut_with_its_turn_without_a_mark_and_with_the_table_off
 
 
 def test_a_lease_that_runs_out_ends_the_cut_as_a_hold_does(machine: MachineProfile, experiment: JobMaker) -> None:
-    floor = CutFloor(short(experiment), machine, Strategy.CAM, lease="P900>0")
+    floor = CutFloor(short(experiment), machine, Strategy.CAM, watchdog="P900>0")
     floor.card.tell("P900=1")
     floor.start()
     floor.card.sim.wait(5.0)

@@ -22,7 +22,7 @@ from drivers.pmac.programs.setup import cut_setup
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planned import MoveRecord
-from profiles.compensations.path import LobedPath, wanted_path
+from profiles.compensations.path import LobedPath, target_path
 from profiles.store import load_job, load_machine
 
 if TYPE_CHECKING:
@@ -159,5 +159,5 @@ def test_the_amplitude_of_the_command_is_that_of_the_servo_with_the_delay_of_the
     tool = np.array([plan.table.correction(float(angle), z) for angle in spindle]) * 0.2
     lobe = 2.0 * np.mean(tool * np.exp(-1j * 3.0 * spindle * 2.0 * np.pi / TURN))
     assert abs(lobe) == pytest.approx(27.5 / 0.885, rel=2e-3)
-    ahead = (math.radians(3 * wanted_path(experiment(1)).crest_deg) + np.angle(lobe)) % (2 * math.pi)
+    ahead = (math.radians(3 * target_path(experiment(1)).crest_deg) + np.angle(lobe)) % (2 * math.pi)
     assert ahead == pytest.approx(0.903 + 0.1391, abs=0.003)

@@ -86,7 +86,7 @@ def test_the_program_of_an_identified_axis_is_another(
     job = replace(experiment(1), cut_length_mm=1.0)
     plan, by_model = (plan_cut(job, machine, path, response=r) for r in (as_response(found, "there"), None))
     assert (plan.text, plan.table) != (by_model.text, by_model.table)
-    assert plan.wanted == by_model.wanted
+    assert plan.target == by_model.target
 
 
 def test_a_speed_that_was_not_identified_makes_no_program(machine: MachineProfile, experiment: JobMaker) -> None:

@@ -16,7 +16,7 @@ from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
 from drivers.pmac.settings import settings_with
 from profiles.axis.servo import sampled_response
-from profiles.compensations.path import CutPath, Wave, wanted_path
+from profiles.compensations.path import CutPath, Wave, target_path
 from profiles.findings import Severity
 from profiles.problem import ProblemError
 from tests.drivers.cut_floor import short
@@ -71,9 +71,9 @@ def deviation_um(plan: CutPlan, job: Job, machine: MachineProfile) -> np.ndarray
     moves = cutting_moves(plan, checked(plan, machine))
     tool, spindle = sampled(moves, 0), sampled(moves, 1)
     response = complex(sampled_response(machine, job.lobe_frequency_hz))
-    wanted = wanted_path(job)
-    wave = np.exp(1j * job.jaws * (2 * np.pi * spindle / 10_000 - np.radians(wanted.crest_deg)))
-    path = wanted.mean_um + wanted.amplitude_um * np.real(wave / response)
+    target = target_path(job)
+    wave = np.exp(1j * job.jaws * (2 * np.pi * spindle / 10_000 - np.radians(target.crest_deg)))
+    path = target.mean_um + target.amplitude_um * np.real(wave / response)
     return np.asarray((tool - plan.setup.surface) * 0.2 - path)
 
 
@@ -244,13 +244,13 @@ def test_a_learned_path_is_judged_by_its_own_waves_at_the_depth_of_the_job(
     machine: MachineProfile, experiment: JobMaker
 ) -> None:
     """The lobe is lowest at 150 deg, and so is a wave of 6 um, four in a turn, with a crest at 15: 33.5 um out."""
-    lobe = wanted_path(experiment(1))
+    lobe = target_path(experiment(1))
     for depth_mm, refused in ((0.0334, True), (0.0336, False)):
         job = replace(short(experiment), depth_of_cut_mm=depth_mm)
         # The mean that was learned is 20 um deeper, for a tool that gives way; the part is not.
         oval = Wave(lobes=4, amplitude_um=6.0, crest_deg=15.0)
         waves = replace(lobe, mean_um=1000 * depth_mm + 20.0, overtones=(oval,))
-        plan = plan_cut(job, machine, Strategy.CAM, path=CutPath(wanted=waves, command=waves))
+        plan = plan_cut(job, machine, Strategy.CAM, path=CutPath(target=waves, command=waves))
         assert ("cut.leaves_part" in codes(plan, Severity.REFUSAL)) is refused
 
 
@@ -288,8 +288,8 @@ def test_a_lease_is_looked_at_in_every_turn_and_changes_nothing_else(
 ) -> None:
     """It has run out while a program is only planned; the motion is planned as if it were renewed."""
     plain = plan_cut(short(experiment), machine, strategy)
-    leased = plan_cut(short(experiment), machine, strategy, lease="I5111>0")
-    assert leased.text.count("M26=0 AND I5111>0 AND ") == 1
-    assert leased.text.replace(" AND I5111>0", "") == plain.text
-    assert leased.duration_s == plain.duration_s
-    assert leased.findings == plain.findings
+    guarded = plan_cut(short(experiment), machine, strategy, watchdog="I5111>0")
+    assert guarded.text.count("M26=0 AND I5111>0 AND ") == 1
+    assert guarded.text.replace(" AND I5111>0", "") == plain.text
+    assert guarded.duration_s == plain.duration_s
+    assert guarded.findings == plain.findings

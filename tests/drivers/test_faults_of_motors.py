@@ -81,12 +81,12 @@ def test_a_lost_encoder_runs_away_unseen_and_trips(closed: Bench) -> None:
     closed.client.request("#1J=100")
     closed.sim.wait(2.0)
     place = closed.number("#1P")
-    iron = motor.iron
+    true_position = motor.true_position
     closed.sim.faults.inject("encoder-loss", motor="tool")
     closed.client.request("#1J=20000")
     closed.sim.wait(2.0)
     assert closed.number("#1P") == place, "what is seen"
-    assert abs(motor.iron - iron) > 500, "and what is: a hundred um and more"
+    assert abs(motor.true_position - true_position) > 500, "and what is: a hundred um and more"
     assert status(closed, 1) & (AMPLIFIER_ON | FATAL_ERROR) == FATAL_ERROR
 
 
@@ -95,18 +95,18 @@ def test_a_jam_lasts_until_the_following_error_trips(closed: Bench, axis: str) -
     number = MOTORS[axis]
     motor = closed.sim.controller.motors[number]
     closed.sim.faults.inject("following-error-trip", motor=axis)
-    iron = motor.iron
+    true_position = motor.true_position
     closed.sim.wait(0.5)
     assert len(closed.sim.faults.active()) == 1, "at rest nothing trips"
     closed.client.request(f"#{number}J:30000")
     closed.sim.wait(1.99)
     assert status(closed, number) & (AMPLIFIER_ON | FATAL_ERROR) == FATAL_ERROR
     assert closed.sim.faults.active() == ()
-    assert abs(motor.iron - iron) < 2
+    assert abs(motor.true_position - true_position) < 2
     closed.client.request(f"#{number}J/")
     closed.client.request(f"#{number}J:1000")
     closed.sim.wait(2.0)
-    assert abs(motor.iron - iron - 1000) < 100
+    assert abs(motor.true_position - true_position - 1000) < 100
     assert not status(closed, number) & FATAL_ERROR
 
 

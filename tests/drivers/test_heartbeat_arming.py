@@ -12,7 +12,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.arming import heartbeat_problems
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
-from drivers.pmac.heartbeat.proof import LeaseProof, proof_problems
+from drivers.pmac.heartbeat.proof import WatchdogProof, proof_problems
 from drivers.pmac.heartbeat.reading import HeartbeatLook, read_heartbeat
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
@@ -191,12 +191,12 @@ def test_what_another_console_guards_is_seen_and_its_lease_left_alone(
     machine: MachineProfile, dialect: Dialect
 ) -> None:
     host = Host(machine, dialect)
-    lease = "I5111" if dialect is TURBO else "M70"
-    host.tell(f"{lease}=600 P1003=1")
+    watchdog = "I5111" if dialect is TURBO else "M70"
+    host.tell(f"{watchdog}=600 P1003=1")
     look = host.look()
     assert [p.code for p in heartbeat_problems(look, machine, dialect, Policy.RETRACT)] == ["heartbeat.guarding"]
-    assert look.pulses[0].lease < 600
-    assert look.pulses[1].lease < look.pulses[0].lease
+    assert look.pulses[0].watchdog < 600
+    assert look.pulses[1].watchdog < look.pulses[0].watchdog
 
 
 @FAMILIES
@@ -220,7 +220,7 @@ def test_an_ending_under_way_forbids_the_next(machine: MachineProfile, dialect: 
 def test_what_a_proof_has_not_shown_is_said(
     still_going_s: float, ended_s: float | None, at_rest_s: float | None, codes: list[str]
 ) -> None:
-    proof = LeaseProof(still_going_s=still_going_s, ended_s=ended_s, at_rest_s=at_rest_s)
+    proof = WatchdogProof(still_going_s=still_going_s, ended_s=ended_s, at_rest_s=at_rest_s)
     assert [problem.code for problem in proof_problems(proof)] == codes
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.heartbeat.lease import lease_condition
 from drivers.pmac.heartbeat.plc import Policy
+from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.pvt import pvt_program
 from drivers.pmac.programs.setup import cut_setup
@@ -228,7 +228,7 @@ def test_the_pvt_cut_is_retracted_and_at_rest_within_2_s(
     machine: MachineProfile, dialect: Dialect, experiment: JobMaker
 ) -> None:
     job = experiment(1)
-    setup = cut_setup(job, machine, lease=lease_condition(dialect))
+    setup = cut_setup(job, machine, watchdog=watchdog_condition(dialect))
     command = LobedPath(mean_um=100.0, amplitude_um=27.5, crest_deg=0.0, lobes=3)
     program = read_program(pvt_program(job, setup, command))
     host = host_of(machine, dialect)

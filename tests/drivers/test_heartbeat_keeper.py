@@ -8,21 +8,21 @@ from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
-from drivers.pmac.heartbeat.lease import cycles_of, lease_condition, lease_line
+from drivers.pmac.heartbeat.watchdog import cycles_of, watchdog_condition, watchdog_line
 
 FACTORY_I10 = 3_713_707
 
 
 def test_a_lease_is_300_ms_of_servo_cycles_in_a_timer_of_the_family() -> None:
     """300 / (3713707 / 8388608) = 677.6, and not a cycle more than 300 ms."""
-    assert lease_line(TURBO) == "I5111=677"
-    assert lease_line(PMAC) == "M70=677"
-    assert lease_line(TURBO, 2**23 / 10) == "I5111=3000"
+    assert watchdog_line(TURBO) == "I5111=677"
+    assert watchdog_line(PMAC) == "M70=677"
+    assert watchdog_line(TURBO, 2**23 / 10) == "I5111=3000"
 
 
 def test_what_a_program_looks_at_is_the_same_timer() -> None:
-    assert lease_condition(TURBO) == "I5111>0"
-    assert lease_condition(PMAC) == "M70>0"
+    assert watchdog_condition(TURBO) == "I5111>0"
+    assert watchdog_condition(PMAC) == "M70>0"
 
 
 @given(st.floats(1e-3, 1e4), st.integers(1, 2**23 - 1))
@@ -56,4 +56,4 @@ def test_what_is_guarded_is_said_behind_the_lease_in_one_line() -> None:
 def test_a_line_is_short_enough_for_a_slow_port() -> None:
     """20 a second with their acknowledgements over 9600 baud, 960 characters a second: less than a quarter."""
     for dialect in (PMAC, TURBO):
-        assert 20 * (len(lease_line(dialect)) + len("\r\x06")) < 960 / 4
+        assert 20 * (len(watchdog_line(dialect)) + len("\r\x06")) < 960 / 4

@@ -12,14 +12,14 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect
-from drivers.pmac.heartbeat.lease import lease_line, lease_timer, wait_timer
 from drivers.pmac.heartbeat.plc import Policy, plc_lines, plc_text
+from drivers.pmac.heartbeat.watchdog import wait_timer, watchdog_line, watchdog_timer
 from drivers.pmac.plcs.plc import count_down
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.drivers.plc_bench import PlcBench
 
-LEASE, SCAN_CYCLES = 677, 11
+WATCHDOG, SCAN_CYCLES = 677, 11
 """300 ms and a background cycle of 5 ms at the 442 us of the factory's I10."""
 
 OPEN = {1: "M1001", 2: "M1002", 3: "M1003"}
@@ -46,8 +46,8 @@ class Card:
 
     def __init__(self, machine: MachineProfile, dialect: Dialect, policy: Policy) -> None:
         self.bench = PlcBench(plc_text(machine, dialect, policy), dialect, I108=96, P1005=OUT_AT, P1007=500)
-        self.lease = lease_timer(dialect).name
-        self._timers = (self.lease, wait_timer(dialect).name)
+        self.watchdog = watchdog_timer(dialect).name
+        self._timers = (self.watchdog, wait_timer(dialect).name)
 
     def show(self, status: Mapping[str, float]) -> None:
         for name, value in status.items():
@@ -178,7 +178,7 @@ def test_a_lease_renewed_for_an_hour_ends_nothing(
     card = Card(machine, dialect, Policy.RETRACT)
     card.show({**CLOSED, "M1000": 1.0})
     card.bench.set("P1003", activity)
-    name, _, value = lease_line(dialect).partition("=")
+    name, _, value = watchdog_line(dialect).partition("=")
     for _ in range(3600 * 20):
         card.bench.set(name, float(value))
         assert card.scan(112) == []
@@ -193,7 +193,7 @@ def test_a_lease_that_nobody_renews_does_not_roll_over(machine: MachineProfile, 
     card = Card(machine, dialect, Policy.RETRACT)
     for _ in range(10):
         card.scan(5000)
-        assert card.bench.value(card.lease) == 0
+        assert card.bench.value(card.watchdog) == 0
 
 
 def test_silence_is_280_ms(machine: MachineProfile) -> None:
@@ -201,7 +201,7 @@ def test_silence_is_280_ms(machine: MachineProfile) -> None:
     card = Card(machine, TURBO, Policy.RETRACT)
     card.show(CLOSED)
     card.bench.set("P1003", 1)
-    card.bench.set(card.lease, LEASE)
+    card.bench.set(card.watchdog, WATCHDOG)
     passed = 0
     while not card.scan(1):
         passed += 1

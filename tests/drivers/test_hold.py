@@ -15,7 +15,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from profiles.compensations.path import wanted_path
+from profiles.compensations.path import target_path
 from profiles.roundness import evaluate
 from tests.drivers.close_families import machine as machine
 from tests.drivers.families import ON_ONE
@@ -60,7 +60,7 @@ class Run:
         """How much further into the wanted path the tool was at any angle than it was while it cut."""
         infeed_um = (self.tool - self.plan.setup.surface) * self.plan.setup.tool_count_um
         angle_deg = 360.0 * self.spindle / self.plan.setup.counts_per_turn
-        excess_um = infeed_um - wanted_path(job).at_um(angle_deg)
+        excess_um = infeed_um - target_path(job).at_um(angle_deg)
         during = float(excess_um[self.feeding].max())
         assert during < 2.0, "the path itself is kept"
         return float(excess_um[self.feeding.stop :].max()) - during
@@ -84,7 +84,7 @@ def run(bench: Bench, plan: CutPlan, hold_s: float | None) -> Run:
         nonlocal held
         if hold_s is not None and not held and snapshot.at_s >= began_s + hold_s:
             held = True
-            lathe.program.hold()
+            lathe.program.end_after_turn()
 
     lathe.program.start(plan.program.number, plan.setup.retracted)
     last = lathe.program.follow(watch, timeout_s=2 * plan.duration_s)
@@ -194,9 +194,9 @@ def test_a_held_program_runs_from_its_beginning_the_next_time(
 
 def test_a_hold_after_a_stop_and_without_a_program_moves_nothing(closed: Bench) -> None:
     before = closed.lathe.snapshot()
-    closed.lathe.program.hold()
+    closed.lathe.program.end_after_turn()
     closed.stop.stop("operator")
-    closed.lathe.program.hold()
+    closed.lathe.program.end_after_turn()
     closed.sim.wait(1.0)
     assert closed.lathe.snapshot().near(before, 5.0)
     assert closed.stop.reason == "operator"
@@ -226,5 +226,5 @@ def test_a_hold_whose_answer_is_lost_is_sent_once_more(bench: Bench, machine: Ma
     lathe.connect()
     bench.client.request("M26=0")
     link.loses = lambda sent: sent.startswith(b"M26")
-    lathe.program.hold()
+    lathe.program.end_after_turn()
     assert bench.number("M26") == 1

@@ -23,12 +23,12 @@ from tests.drivers.identification_bench import ready
 def test_a_program_is_one_that_the_card_takes_with_the_lease_in_its_loop(
     machine: MachineProfile, frequency_hz: float
 ) -> None:
-    lease = "I5111>0" if machine.controller.family == "turbo" else "M70>0"
+    watchdog = "I5111>0" if machine.controller.family == "turbo" else "M70>0"
     for path in (PvtPath(machine, 25.0), CamPath(machine, 25.0, frequency_hz)):
         sweep = path.sweep(frequency_hz, 8)
         program = read_program(sweep.text)
         assert program.number == PROGRAM
-        assert sum(lease in line for line in program.lines) == 1
+        assert sum(watchdog in line for line in program.lines) == 1
         assert 8.0 / frequency_hz < sweep.longest_s - sweep.steady_s < 8.0 / frequency_hz + 3.0
 
 
@@ -81,8 +81,8 @@ def test_the_table_is_one_wave_that_begins_and_ends_at_nothing(machine: MachineP
     places = np.arange(wave) + 0.5
     found = np.array([table.correction(float(place)) for place in places])
     # A chord of a fortieth of a wave is within (pi / 40)^2 / 2 of the sine, entries within 1/32 count.
-    wanted = 125.0 * np.sin(2 * np.pi * places / wave)
-    assert np.abs(found - wanted).max() < 125.0 * (math.pi / COLUMNS) ** 2 / 2 + 1 / 32 + 0.05
+    target = 125.0 * np.sin(2 * np.pi * places / wave)
+    assert np.abs(found - target).max() < 125.0 * (math.pi / COLUMNS) ** 2 / 2 + 1 / 32 + 0.05
     assert np.abs(found).max() <= 125.0
     assert step_counts(table, [0.0]) == 0.0
     assert step_counts(table, [3.0]) < 10.0

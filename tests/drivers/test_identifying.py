@@ -70,9 +70,9 @@ def test_the_nominal_loop_is_found_on_each_path_with_the_age_of_its_source(
     assert (identified.path, identified.how, identified.date) == (path, how, DATE)
     assert [point.frequency_hz for point in identified.points] == list(TABLE_5_HZ)
     for point in identified.points:
-        wanted = late(cmath.rect(*SAMPLED[point.frequency_hz]), point.frequency_hz, cycles)
-        assert off_percent(point, wanted) < 0.2
-        assert off_deg(point, wanted) < 0.2
+        target = late(cmath.rect(*SAMPLED[point.frequency_hz]), point.frequency_hz, cycles)
+        assert off_percent(point, target) < 0.2
+        assert off_deg(point, target) < 0.2
         assert point.coherence > 0.9999
         assert point.amplitude_um == pytest.approx(25.0, rel=0.004)
 
@@ -87,8 +87,8 @@ def test_the_confidence_holds_the_nominal_loop(machine: MachineProfile) -> None:
     points = found(ready(machine), Strategy.PVT, *frequencies).points
     shares = []
     for point in points:
-        wanted = complex(sampled_response(machine, point.frequency_hz))
-        off = (abs(point.gain - abs(wanted)), math.radians(off_deg(point, wanted)) * point.gain)
+        target = complex(sampled_response(machine, point.frequency_hz))
+        off = (abs(point.gain - abs(target)), math.radians(off_deg(point, target)) * point.gain)
         shares += [each / point.gain_ci for each in off]
         assert max(off) < point.gain_ci + 0.1 * machine.tool.count_um / point.amplitude_um
     assert sorted(shares)[-4] < 1.0
@@ -126,10 +126,10 @@ def test_a_lathe_with_a_little_friction_is_found_with_it(machine: MachineProfile
         cycles = int(path is Strategy.CAM)
         frequency_hz = point.frequency_hz
         true_response = complex(sampled_response(replace(machine, tool=tool), frequency_hz, GAINS))
-        wanted = late(true_response, frequency_hz, cycles)
+        target = late(true_response, frequency_hz, cycles)
         nominal = late(complex(sampled_response(machine, frequency_hz)), frequency_hz, cycles)
-        assert off_percent(point, wanted) < 0.5
-        assert off_deg(point, wanted) < 0.5
+        assert off_percent(point, target) < 0.5
+        assert off_deg(point, target) < 0.5
         assert off_percent(point, nominal) > 1.5
         assert off_deg(point, nominal) > 1.0
 
@@ -150,10 +150,10 @@ def test_other_gains_are_another_origin_and_another_response(machine: MachinePro
     identified = found(ready(other), Strategy.PVT, 50.0)
     assert identified.origin.gains["I135"] == 29671
     (point,) = identified.points
-    wanted = complex(sampled_response(other, 50.0))
-    assert abs(wanted) > 1.07
-    assert off_percent(point, wanted) < 0.2
-    assert off_deg(point, wanted) < 0.2
+    target = complex(sampled_response(other, 50.0))
+    assert abs(target) > 1.07
+    assert off_percent(point, target) < 0.2
+    assert off_deg(point, target) < 0.2
 
 
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
@@ -352,7 +352,7 @@ def test_a_tool_that_does_not_answer_ends_it_before_it_is_pushed_away(
     assert ended.value.problems[0].code == "identify.no_motion"
     _left_safe(of)
     # The origin of the axis is where the zero of the motor is.
-    way_mm = abs(motor.iron - motor.axis.origin) / machine.tool.counts_per_mm
+    way_mm = abs(motor.true_position - motor.axis.origin) / machine.tool.counts_per_mm
     assert way_mm < pushed_mm(machine, 40.0, of.rig.lathe.round_trip_s) < CLEAR_MM
 
 

@@ -131,8 +131,8 @@ def test_a_stop_closes_the_loop_of_a_killed_motor_where_it_stands(bench: Bench) 
 @pytest.mark.parametrize(("motor", "seconds"), [(1, 5000 / 10 / 1000), (3, 2000 / 5 / 1000)])
 def test_homing_finds_the_flag_at_the_end_of_travel(closed: Bench, motor: int, seconds: float) -> None:
     """The machine stands 1 mm (tool) and 2 mm (carriage) from its flag; Ix23 is 2 and 5 mm/s."""
-    iron = closed.sim.controller.motors[motor]
-    start = iron.actual + iron.axis.origin
+    true_position = closed.sim.controller.motors[motor]
+    start = true_position.actual + true_position.axis.origin
     began = closed.sim.now_s()
     closed.client.request(f"#{motor}HM")
     while not {"home_complete", "in_position"} <= closed.lathe.snapshot().axes[{1: 0, 3: 2}[motor]].flags:
@@ -140,7 +140,7 @@ def test_homing_finds_the_flag_at_the_end_of_travel(closed: Bench, motor: int, s
     assert start > 0
     assert closed.sim.now_s() - began == pytest.approx(seconds, abs=0.6)
     assert closed.number(f"#{motor}P") == pytest.approx(0, abs=10)
-    assert iron.axis.origin == pytest.approx(0, abs=1)
+    assert true_position.axis.origin == pytest.approx(0, abs=1)
     assert "home_complete" in closed.lathe.snapshot().axes[{1: 0, 3: 2}[motor]].flags
 
 
@@ -160,8 +160,8 @@ def test_a_home_offset_is_in_sixteenths_of_a_count(closed: Bench) -> None:
     closed.client.request("I326=1600 #3HM")
     closed.sim.wait(3.0)
     assert closed.sim.controller.motors[3].home_complete
-    iron = closed.sim.controller.motors[3]
-    assert iron.actual + iron.axis.origin == pytest.approx(100)
+    true_position = closed.sim.controller.motors[3]
+    assert true_position.actual + true_position.axis.origin == pytest.approx(100)
 
 
 def test_homing_never_jumps(closed: Bench) -> None:

@@ -126,7 +126,7 @@ def test_a_follower_is_at_zero_behind_its_home(machine: MachineProfile) -> None:
     assert card.card.motors[CARRIAGE].home_complete
     card.tell("#3J=0")
     card.settle()
-    assert card.card.motors[CARRIAGE].iron == pytest.approx(0.0, abs=0.5)
+    assert card.card.motors[CARRIAGE].true_position == pytest.approx(0.0, abs=0.5)
 
 
 @FAMILIES

@@ -266,10 +266,10 @@ def test_a_jog_under_way_is_added_to_what_is_followed(machine: MachineProfile) -
 def test_following_goes_on_through_the_zero_of_a_home_search_of_the_master(machine: MachineProfile) -> None:
     card = card_with(machine, PMAC)
     follow(card, 96)
-    began = card.card.motors[SPINDLE].iron
+    began = card.card.motors[SPINDLE].true_position
     card.tell("#2HM")
     card.settle()
-    moved = card.card.motors[SPINDLE].iron - began
+    moved = card.card.motors[SPINDLE].true_position - began
     assert moved > 1000.0
     assert card.card.motors[CARRIAGE].actual == pytest.approx(moved, abs=1 / 32)
 
@@ -299,4 +299,4 @@ def test_the_conversion_table_of_the_factory(machine: MachineProfile) -> None:
     assert turbo.ask("I8000..8008") == [*("$78000 $78008 $78010 $78018 $78100 $78108 $78110 $78118".split()), "$0"]
     card.tell("M198->X:$721,0,24,S", "#2J/", "#2J=1000")
     card.settle()
-    assert float(card.ask("M198")[0]) == 32 * card.card.motors[SPINDLE].iron
+    assert float(card.ask("M198")[0]) == 32 * card.card.motors[SPINDLE].true_position

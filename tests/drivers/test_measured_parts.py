@@ -142,13 +142,13 @@ def test_an_inverse_of_the_nominal_servo_leaves_what_the_true_one_does_different
         damping_n_s_per_m=damping * nominal.damping_n_s_per_m,
         force_n_per_v=force * nominal.force_n_per_v,
     )
-    iron = replace(
+    true_position = replace(
         machine.tool,
         moving_mass_kg=mass * machine.tool.moving_mass_kg,
         damping_n_s_per_m=damping * machine.tool.damping_n_s_per_m,
         thrust_constant_n_per_a=force * machine.tool.thrust_constant_n_per_a,
     )
-    t_true = complex(sampled_response(replace(machine, tool=iron), 50.0))
+    t_true = complex(sampled_response(replace(machine, tool=true_position), 50.0))
     left = abs(1 - t_true / complex(sampled_response(machine, 50.0)))
     result = measured_after(bench_with(true), job, machine, Strategy.PVT)
     assert result.ront_um == pytest.approx(left * 55.0, abs=0.3)

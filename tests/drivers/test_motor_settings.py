@@ -37,6 +37,6 @@ def test_a_sixteenth_of_a_count_is_no_count() -> None:
 
 def test_a_stop_goes_on_until_it_is_obeyed_and_then_brakes() -> None:
     # 10 mm/s for 55 ms, then 10^2 / (2 * 8000) mm.
-    assert TOOL.overrun(10.0, 0.055) == pytest.approx(0.55 + 0.00625)
+    assert TOOL.stopping_distance(10.0, 0.055) == pytest.approx(0.55 + 0.00625)
     assert TOOL.stop_s(10.0) == pytest.approx(0.00125)
-    assert MotorSettings(with_variable("I115", 0.0), 1).overrun(10.0, 0.055) == math.inf
+    assert MotorSettings(with_variable("I115", 0.0), 1).stopping_distance(10.0, 0.055) == math.inf

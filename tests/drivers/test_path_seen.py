@@ -41,8 +41,8 @@ def told(
         off = 1.0 if within_s[0] <= at_s < within_s[1] else 0.0
         turn = at_s / TURN_S + off * turns
         z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * MACHINE.carriage.counts_per_mm
-        wanted_um = plan().wanted.mean_um + share * (plan().wanted.at_um(360.0 * turn) - plan().wanted.mean_um)
-        infeed_um = wanted_um + off * tool_um + chance.normal(0.0, noise_um)
+        target_um = plan().target.mean_um + share * (plan().target.at_um(360.0 * turn) - plan().target.mean_um)
+        infeed_um = target_um + off * tool_um + chance.normal(0.0, noise_um)
         places = (setup.surface + infeed_um / MACHINE.tool.count_um, turn * setup.counts_per_turn, z)
         tool, spindle, carriage = (
             AxisState(position=float(at), following_error=0.0, flags=frozenset()) for at in places

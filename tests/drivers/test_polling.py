@@ -48,9 +48,9 @@ def told(machine: MachineProfile, dialect: Dialect, clients: int, program: tuple
     polling: list[Port] = [sim.connect() for _ in range(clients)]
     recorders = []
     for motor in (1, 2, 3):
-        iron = sim.controller.motors[motor]
-        iron.axis = Recorder(iron.axis)
-        recorders.append(iron.axis)
+        true_position = sim.controller.motors[motor]
+        true_position.axis = Recorder(true_position.axis)
+        recorders.append(true_position.axis)
 
     def say(line: str) -> None:
         host.receive(line.encode("ascii") + b"\r")

@@ -156,11 +156,11 @@ def test_pvt_passes_its_points_with_the_velocities_asked(closed: Bench) -> None:
     start = np.flatnonzero(np.diff(commands))[0]
     times = np.arange(1, int(200 / closed.cycle_ms) + 1) * closed.cycle_ms
     segment = np.minimum((times / 50).astype(int), 3)
-    wanted = np.empty_like(times)
+    target = np.empty_like(times)
     for index, ((p0, v0), (p1, v1)) in enumerate(pairwise(points)):
         inside = segment == index
-        wanted[inside] = hermite(p0, v0, p1, v1, times[inside] - 50 * index, 50)
-    assert np.abs(commands[start + 1 : start + 1 + len(times)] - wanted).max() < 1e-6
+        target[inside] = hermite(p0, v0, p1, v1, times[inside] - 50 * index, 50)
+    assert np.abs(commands[start + 1 : start + 1 + len(times)] - target).max() < 1e-6
     assert commands[-1] == pytest.approx(400)
 
 

@@ -33,7 +33,10 @@ def refusal(act: Callable[[], object]) -> Problem:
 def overrun_counts(machine: MachineProfile, axis: AxisName) -> float:
     """How far a jog at its speed runs on after a stop."""
     settings = settings_of(machine, axis)
-    return settings.overrun(settings.jog_speed, (BACKGROUND_MS + LINK_MS) / 1000.0) * settings.counts_per_unit
+    return (
+        settings.stopping_distance(settings.jog_speed, (BACKGROUND_MS + LINK_MS) / 1000.0)
+        * settings.counts_per_unit
+    )
 
 
 def places(bench: Bench) -> list[float]:

@@ -218,8 +218,8 @@ def test_a_reset_keeps_the_settings_of_the_machine_and_forgets_where_it_stands(c
     assert closed.client.numbers("#1P", "#2P", "#3P") == pytest.approx((0, 0, 0), abs=20)
     closed.client.request("#1HM")
     closed.sim.wait(2.0)
-    iron = closed.sim.controller.motors[1]
-    assert iron.axis.origin == pytest.approx(0, abs=1), "the iron stood where it was"
+    true_position = closed.sim.controller.motors[1]
+    assert true_position.axis.origin == pytest.approx(0, abs=1), "the iron stood where it was"
 
 
 def test_a_factory_reset_leaves_factory_settings_no_axes_and_no_programs(closed: Bench) -> None:

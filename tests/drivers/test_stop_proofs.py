@@ -56,12 +56,12 @@ def test_every_stop_is_entered_with_what_the_ramps_make_of_it(machine: MachinePr
     # 166.67 counts/ms down at I215 = 0.5: 27778 counts, which are 1000 deg, in a third of a second.
     assert spindle.distance_deg is not None and 1000.0 <= spindle.distance_deg <= 1000.0 + 600.0
     assert 1.0 / 3.0 <= spindle.time_s <= 0.5
-    (lease,) = [check for check in found.checks if check.code == "proof_lease"]
-    assert 0.28 <= float(lease.found.split()[0]) <= 0.3
-    silent = entry(found, Way.LEASE, Origin.JOG, "carriage")
+    (watchdog,) = [check for check in found.checks if check.code == "proof_lease"]
+    assert 0.28 <= float(watchdog.found.split()[0]) <= 0.3
+    silent = entry(found, Way.WATCHDOG, Origin.JOG, "carriage")
     # 300 ms at 10 mm/s less the margin of the PLC, and half of a ramp of 0.1 s.
     assert silent.distance_mm is not None and 2.8 <= silent.distance_mm <= 3.6
-    cut = entry(found, Way.LEASE, Origin.CUT, "spindle")
+    cut = entry(found, Way.WATCHDOG, Origin.CUT, "spindle")
     assert 0.3 < cut.time_s < 2.0  # docs/heartbeat.md: all at rest within 2 s
 
 
@@ -109,7 +109,7 @@ def test_an_axis_that_runs_on_too_far_is_found_and_nothing_else_is_moved(machine
     found = prove_stops(made)
     (check,) = failed(found)
     assert check.code == "proof_stop_abort_jog"
-    assert {(each.way, each.origin) for each in found.entries} == {(Way.LEASE, Origin.JOG)}, "proven before"
+    assert {(each.way, each.origin) for each in found.entries} == {(Way.WATCHDOG, Origin.JOG)}, "proven before"
     assert found.checks[-1] is check
 
 
@@ -127,7 +127,7 @@ def test_without_a_heartbeat_the_jog_is_stopped_in_another_way(machine: MachineP
     assert {check.code for check in failed(found)} == {"proof_stop_lease_cut"}
     card.sim.wait(1.0)
     assert no_motion(card)
-    assert (Way.LEASE, Origin.CUT) not in {(each.way, each.origin) for each in found.entries}
+    assert (Way.WATCHDOG, Origin.CUT) not in {(each.way, each.origin) for each in found.entries}
 
 
 @ON_ONE
@@ -185,7 +185,7 @@ def test_a_spindle_on_an_inverter_is_not_aborted_and_not_turned(machine: Machine
     found = measured(card)
     assert {(e.way, e.origin, e.axis) for e in found.entries} == needed_stops(inverter)
     assert {(e.way, e.axis) for e in found.entries} == {
-        (way, axis) for way in (Way.KILL, Way.LEASE) for axis in ("tool", "carriage")
+        (way, axis) for way in (Way.KILL, Way.WATCHDOG) for axis in ("tool", "carriage")
     }
     assert b"\x01" not in card.line.heard
     assert not any("#2J" in line or "#2HM" in line for line in card.lines)

@@ -57,8 +57,8 @@ def test_without_a_record_nothing_is_armed() -> None:
 
 @given(st.integers(min_value=-400, max_value=400))
 def test_a_record_is_believed_for_half_a_year_and_not_from_the_future(days: int) -> None:
-    wanted = ["stops.in_future"] if days < 0 else ["stops.expired"] if days > 180 else []
-    assert codes(record(), today=TODAY + timedelta(days=days)) == wanted
+    target = ["stops.in_future"] if days < 0 else ["stops.expired"] if days > 180 else []
+    assert codes(record(), today=TODAY + timedelta(days=days)) == target
 
 
 def test_everything_that_is_wrong_is_said_at_once() -> None:

@@ -48,7 +48,7 @@ class Wire:
 
 @pytest.mark.parametrize(("rate", "run_on"), [(0.25, 3732.48), (13.6, 68.6)])
 def test_control_a_runs_on_by_the_square_of_the_speed_over_twice_ix15(
-    closed: Bench, rate: float, run_on: float
+    closed: Bench, rate: float, stopping_distance: float
 ) -> None:
     """43.2 counts/ms, the peak speed of the lobe: 0.75 mm at the factory's 0.25, 14 um at 13.6 counts/ms2."""
     closed.client.request(f"I315={rate} I322=43.2 I320=50 I321=0")
@@ -61,7 +61,9 @@ def test_control_a_runs_on_by_the_square_of_the_speed_over_twice_ix15(
     while recorder.commands[place - 1] - recorder.commands[place - 2] < 43.19 * closed.cycle_ms:
         place -= 1
     closed.settle()
-    assert recorder.commands[-1] - recorder.commands[place - 1] == pytest.approx(run_on, abs=43.2 * 0.45)
+    assert recorder.commands[-1] - recorder.commands[place - 1] == pytest.approx(
+        stopping_distance, abs=43.2 * 0.45
+    )
     assert closed.lathe.snapshot().loops_closed
 
 
@@ -77,8 +79,8 @@ def test_control_a_ramps_down_a_program_without_a_jump(closed: Bench) -> None:
     velocity = np.diff(recorder.commands) / closed.cycle_ms
     assert velocity.max() == pytest.approx(100)
     assert np.abs(np.diff(velocity)).max() <= 2.0 * closed.cycle_ms * 1.01
-    run_on = recorder.commands[-1] - before
-    assert 100**2 / (2 * 2) <= run_on <= 100**2 / (2 * 2) + 100 * 6
+    stopping_distance = recorder.commands[-1] - before
+    assert 100**2 / (2 * 2) <= stopping_distance <= 100**2 / (2 * 2) + 100 * 6
     assert not closed.lathe.snapshot().program_running
 
 

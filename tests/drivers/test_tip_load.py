@@ -26,7 +26,7 @@ Depth = Callable[[float], float]
 class Axis:
     """An axis as the motor of it is seen."""
 
-    iron: float = 0.0
+    true_position: float = 0.0
     pace: float = 0.0
     cycles_run: int = 0
 
@@ -59,15 +59,15 @@ class Cutting:
 
     def passes(self, depth_mm: Depth, turns: float, z_mm: float = 170.0) -> tuple[np.ndarray, np.ndarray]:
         """Turn so far from a place on; return turns and forces (N) of every cycle in which the edge is inside."""
-        start = math.ceil(self.spindle.iron / TURN_COUNTS)
+        start = math.ceil(self.spindle.true_position / TURN_COUNTS)
         at, forces = [], []
         self.spindle.pace = self.turn_step * TURN_COUNTS
         self.carriage.pace = self.turn_step * self.feed_mm * Z_COUNTS_PER_MM
         for block in range(round(turns / self.turn_step / BLOCK)):
             turned = start + block * BLOCK * self.turn_step
-            self.spindle.iron = (turned - self.turn_step) * TURN_COUNTS
+            self.spindle.true_position = (turned - self.turn_step) * TURN_COUNTS
             z = z_mm - 0.5 * LAND_MM + (turned - start - self.turn_step) * self.feed_mm
-            self.carriage.iron = z * Z_COUNTS_PER_MM
+            self.carriage.true_position = z * Z_COUNTS_PER_MM
             self.load.begin()
             for cycle in range(BLOCK):
                 now = turned + cycle * self.turn_step
@@ -76,7 +76,7 @@ class Cutting:
                 forces.append(self.load.force_n)
             for axis in (self.tool, self.spindle, self.carriage):
                 axis.cycles_run += BLOCK
-            self.spindle.iron = (turned + (BLOCK - 1) * self.turn_step) * TURN_COUNTS
+            self.spindle.true_position = (turned + (BLOCK - 1) * self.turn_step) * TURN_COUNTS
         inside = slice(BLOCK, None)
         return np.array(at)[inside], np.array(forces)[inside]
 

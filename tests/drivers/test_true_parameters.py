@@ -214,8 +214,8 @@ def test_dry_friction_costs_some_of_the_lobe(
     # Harmonic balance: T = L / (1 + L) with 3 N as the damping 4 F / (pi V) of its own peak speed V.
     speed = abs(left[1]) * 27.5e-6 * 2 * math.pi * 50
     damping = replace(ideal(machine), coulomb_friction_n=3.0).viscous_n_s_per_m + 4 * 3.0 / (math.pi * speed)
-    iron = replace(machine, tool=replace(machine.tool, damping_n_s_per_m=damping))
-    assert left[1] == pytest.approx(complex(sampled_response(iron, 50.0)), abs=0.03)
+    true_position = replace(machine, tool=replace(machine.tool, damping_n_s_per_m=damping))
+    assert left[1] == pytest.approx(complex(sampled_response(true_position, 50.0)), abs=0.03)
     assert abs(left[1] - left[0]) > 0.1
 
 

@@ -79,8 +79,8 @@ def test_a_lobe_that_grows_is_larger_towards_the_jaws() -> None:
 
 def test_an_uncut_part_springs_back_high_at_the_jaws_from_its_blank() -> None:
     angle, found = deviation(part(lobe=55, jaw_1=20))
-    wanted = 100 + 27.5 * np.cos(np.radians(3 * (angle - 20)))
-    assert np.abs(found - wanted).max() < 1e-9
+    target = 100 + 27.5 * np.cos(np.radians(3 * (angle - 20)))
+    assert np.abs(found - target).max() < 1e-9
 
 
 @pytest.mark.parametrize(("jaws", "lobe", "jaw_1", "rpm"), [(3, 55, 0, 1000), (4, 21, 33, 640), (6, 8, -70, 2345)])

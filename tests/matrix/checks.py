@@ -79,7 +79,7 @@ def restless(watched: Watched, row: Row, *, lost: bool, idle: bool) -> list[str]
 
 def way(moments: list[Moment], place: int) -> float:
     """Return how far the iron of an axis has gone to and fro, counts."""
-    track = [moment.iron[place] for moment in moments]
+    track = [moment.true_position[place] for moment in moments]
     return max(track) - min(track)
 
 

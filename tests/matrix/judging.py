@@ -34,10 +34,10 @@ def without_fault(situation: Situation, strategy: Strategy = Strategy.PVT) -> Se
 
 def problems(row: Row, situation: Situation, seen: Seen) -> list[str]:
     """Return everything that is not as it should be."""
-    wanted = right(row.name, situation)
-    told = [] if any(_fits(way, seen) for way in wanted.split(" or ")) else [f"{_said(seen)}, not {wanted}"]
+    target = right(row.name, situation)
+    told = [] if any(_fits(way, seen) for way in target.split(" or ")) else [f"{_said(seen)}, not {target}"]
     again = _sent_again(seen, without_fault(situation, row.strategy))
-    return [*told, *seen.wrong, *again, *_not_mended(seen, wanted), *_not_done(situation, seen, wanted)]
+    return [*told, *seen.wrong, *again, *_not_mended(seen, target), *_not_done(situation, seen, target)]
 
 
 def unharmed(row: Row, situation: Situation) -> bool:
@@ -45,8 +45,8 @@ def unharmed(row: Row, situation: Situation) -> bool:
     return TABLE[row.name][situation] == SAME
 
 
-def _fits(wanted: str, seen: Seen) -> bool:
-    state, _, codes = wanted.partition(": ")
+def _fits(target: str, seen: Seen) -> bool:
+    state, _, codes = target.partition(": ")
     end, _, sent = state.partition(", ")
     return end == _end(seen) and sent_fits(sent, seen.sent) and told_fits(codes.split(), seen.told)
 
@@ -55,10 +55,10 @@ def _end(seen: Seen) -> str:
     return "armed" if seen.armed and seen.end is Activity.READY else seen.end.value
 
 
-def sent_fits(wanted: str, sent: Collection[Kind]) -> bool:
+def sent_fits(target: str, sent: Collection[Kind]) -> bool:
     """The strongest that was sent is what is wanted; in parentheses is what may be sent besides."""
-    may = {word.strip("()") for word in wanted.split()}
-    must = {word for word in wanted.split() if not word.startswith("(")}
+    may = {word.strip("()") for word in target.split()}
+    must = {word for word in target.split() if not word.startswith("(")}
     return must <= set(strongest(sent)) <= may
 
 
@@ -72,13 +72,13 @@ def strongest(sent: Collection[Kind]) -> tuple[str, ...]:
 BEHIND = ("machine.left_behind", "machine.tool_left_behind")
 
 
-def told_fits(wanted: list[str], told: tuple[str, ...]) -> bool:
+def told_fits(target: list[str], told: tuple[str, ...]) -> bool:
     """Each code is told, and nothing else.
 
     That the outcome of a look with its lease is unknown may be told, and of a fault how far the axis was behind.
     """
     left = list(told)
-    for code in wanted:
+    for code in target:
         found = next((one for one in code.split("/") if one in left), None)
         if found is None:
             return False
@@ -100,16 +100,16 @@ def _sent_again(seen: Seen, usual: Seen) -> Iterator[str]:
         yield f"{odd[0]} was sent, where without the fault it is {odd[1]}"
 
 
-def _not_mended(seen: Seen, wanted: str) -> Iterator[str]:
+def _not_mended(seen: Seen, target: str) -> Iterator[str]:
     """A machine that was lost is found again at rest, once all is right; a link that is gone stays so."""
     lost = seen.end is Activity.LOST
-    expected = Activity.STOPPED if lost and "link.lost" not in wanted else seen.end
+    expected = Activity.STOPPED if lost and "link.lost" not in target else seen.end
     if seen.mended is not expected:
         yield f"when it was mended: {seen.mended.value}, not {expected.value}"
 
 
-def _not_done(situation: Situation, seen: Seen, wanted: str) -> Iterator[str]:
+def _not_done(situation: Situation, seen: Seen, target: str) -> Iterator[str]:
     """A cut is done, and its part may be measured, where it has ended as without a fault, and nowhere else."""
-    done = situation is Situation.CUTTING and wanted == right(NO_FAULT.name, situation)
+    done = situation is Situation.CUTTING and target == right(NO_FAULT.name, situation)
     if seen.done is not done:
         yield "the part may be measured" if seen.done else "a cut that was made is not called done"

@@ -68,10 +68,10 @@ _PLANS: dict[object, CutPlan] = {}
 
 def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given: object) -> CutPlan:
     """The plan of a cut; the same cut is planned once for all cells. Job and machine are always those above."""
-    wanted = (strategy, *sorted(given.items()))
-    if wanted not in _PLANS:
-        _PLANS[wanted] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
-    return _PLANS[wanted]
+    target = (strategy, *sorted(given.items()))
+    if target not in _PLANS:
+        _PLANS[target] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
+    return _PLANS[target]
 
 
 def record_in_memory(folder: Path, until_s: float) -> sqlite3.Connection:

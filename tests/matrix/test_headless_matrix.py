@@ -36,8 +36,8 @@ def lines_without_fault(records: Path) -> tuple[str, ...]:
     return _USUAL[0]
 
 
-def fits(wanted: str, part: Part) -> bool:
-    state, _, codes = wanted.partition(": ")
+def fits(target: str, part: Part) -> bool:
+    state, _, codes = target.partition(": ")
     end, _, sent = state.partition(", ")
     return end == part.end.value and sent_fits(sent, part.sent) and told_fits(codes.split(), part.codes)
 
@@ -51,9 +51,9 @@ def sent_otherwise(part: Part, records: Path) -> list[str]:
 @pytest.mark.parametrize(("name", "moment"), TRIED, ids=[f"{name}-{moment}" for name, moment in TRIED])
 def test_a_part_with_a_fault_ends_as_it_should(name: str, moment: Moment, tmp_path: Path) -> None:
     part = make(BY_NAME[name], moment, tmp_path)
-    wanted = right_of(name, moment)
+    target = right_of(name, moment)
     said = f"{part.end}, {' '.join(strongest(part.sent))}: {' '.join(part.codes)}"
-    assert any(fits(way, part) for way in wanted.split(" or ")), f"{said}, not {wanted}"
+    assert any(fits(way, part) for way in target.split(" or ")), f"{said}, not {target}"
     again = sent_otherwise(part, tmp_path) if BY_NAME[name].strategy is Strategy.PVT else []
     met = [*part.wrong, *again]
     if (name, moment) in KNOWN:

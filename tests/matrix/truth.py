@@ -20,7 +20,7 @@ class Moment:
     """The end of one block of servo cycles: iron and reported positions in counts, amplifiers, program."""
 
     at_s: float
-    iron: tuple[float, ...]
+    true_position: tuple[float, ...]
     told: tuple[float, ...]
     powered: tuple[bool, ...]
     running: bool
@@ -41,7 +41,7 @@ class WatchedLathe(SimulatedLathe):
         self.moments.append(
             Moment(
                 self.now_s(),
-                tuple(motor.iron for motor in motors),
+                tuple(motor.true_position for motor in motors),
                 tuple(motor.position for motor in motors),
                 tuple(motor.amplifier_enabled for motor in motors),
                 self.controller.systems[1].running,

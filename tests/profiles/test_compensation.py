@@ -24,7 +24,7 @@ from profiles.compensations.path import (
     removed_depth_um,
     residual_um_pp,
     spindle_speed_rpm,
-    wanted_path,
+    target_path,
 )
 from profiles.problem import ProfileError
 from profiles.store import load_job
@@ -59,14 +59,14 @@ def test_the_rule_is_eq_11_where_jaw_1_stands_at_90_deg() -> None:
     # The paper's plain cut takes most at 30 deg, so its part is high at 90 deg.
     assert ONE.lobe_phase_deg == 90
     expected = compensated_depth_um(TURN_DEG, a0_um=100, a1_um=27.5)
-    np.testing.assert_allclose(wanted_path(ONE).at_um(TURN_DEG), expected, atol=1e-9)
+    np.testing.assert_allclose(target_path(ONE).at_um(TURN_DEG), expected, atol=1e-9)
 
 
 def test_the_tool_moves_in_where_the_part_is_high() -> None:
     lobe = free_state_lobe(ONE).at_um(TURN_DEG)
     assert lobe.shape == TURN_DEG.shape
     assert free_state_lobe(ONE).at_um(ONE.lobe_phase_deg) == lobe.max() == 27.5
-    np.testing.assert_allclose(wanted_path(ONE).at_um(TURN_DEG) - 100, lobe, atol=1e-12)
+    np.testing.assert_allclose(target_path(ONE).at_um(TURN_DEG) - 100, lobe, atol=1e-12)
 
 
 @given(st.integers(2, 12), st.floats(-360, 360), st.floats(0, 1000))
@@ -85,7 +85,7 @@ def test_a_lobe_repeats_with_the_jaws_and_has_its_error_peak_to_peak(
 def test_the_command_of_experiment_1(
     gain: float, phase_rad: float, amplitude_um: float, lobe_lead_deg: float
 ) -> None:
-    command = invert(wanted_path(ONE), cmath.rect(gain, phase_rad))
+    command = invert(target_path(ONE), cmath.rect(gain, phase_rad))
     assert command.amplitude_um == pytest.approx(amplitude_um, abs=0.005)
     assert command.crest_deg == pytest.approx(ONE.lobe_phase_deg - lobe_lead_deg / 3, abs=0.005)
     assert command.mean_um == 100
@@ -93,21 +93,21 @@ def test_the_command_of_experiment_1(
 
 @given(st.floats(0.125, 20), st.floats(-math.pi, math.pi), st.integers(2, 12), st.floats(-360, 360))
 def test_an_axis_undoes_its_inverse(gain: float, phase: float, lobes: int, crest: float) -> None:
-    wanted = LobedPath(mean_um=100, amplitude_um=20, lobes=lobes, crest_deg=crest)
-    command = invert(wanted, cmath.rect(gain * 1.0001, phase))
+    target = LobedPath(mean_um=100, amplitude_um=20, lobes=lobes, crest_deg=crest)
+    command = invert(target, cmath.rect(gain * 1.0001, phase))
     # The axis makes the sine larger by its gain and later by its lag.
     moved = replace(
         command,
         amplitude_um=command.amplitude_um * gain * 1.0001,
         crest_deg=command.crest_deg - math.degrees(phase) / lobes,
     )
-    np.testing.assert_allclose(moved.at_um(TURN_DEG), wanted.at_um(TURN_DEG), atol=1e-6)
+    np.testing.assert_allclose(moved.at_um(TURN_DEG), target.at_um(TURN_DEG), atol=1e-6)
 
 
 @pytest.mark.parametrize("response", [0j, 0.1249 + 0j, complex("nan")])
 def test_an_axis_that_hardly_moves_has_no_inverse(response: complex) -> None:
     with pytest.raises(ProfileError) as caught:
-        invert(wanted_path(ONE), response)
+        invert(target_path(ONE), response)
     assert caught.value.problems[0].code == "response.too_small"
 
 
@@ -179,8 +179,8 @@ def test_a_turned_path_has_at_the_turned_angle_what_it_had_before(
     before_um = path.at_um(TURN_DEG, past_middle_mm)
     np.testing.assert_allclose(turned.at_um(TURN_DEG + by_deg, past_middle_mm), before_um, atol=1e-7)
     command = path.plus({3: 1.0 + 1.0j})
-    both = CutPath(wanted=path, command=command).turned(by_deg)
-    assert both.wanted == turned
+    both = CutPath(target=path, command=command).turned(by_deg)
+    assert both.target == turned
     np.testing.assert_allclose(
         both.command.at_um(TURN_DEG), path.plus({3: 1.0 + 1.0j}).turned(by_deg).at_um(TURN_DEG)
     )

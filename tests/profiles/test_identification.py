@@ -89,9 +89,9 @@ def test_the_confidence_holds_the_truth_as_often_as_it_says() -> None:
 def test_the_confidence_is_the_size_of_the_scatter_that_there_is() -> None:
     """Standard deviation of a component: noise sqrt(2 / samples) / amplitude; the half-width twice that."""
     found = [noisy(seed, noise=5.0) for seed in range(100)]
-    wanted = 5.0 * math.sqrt(2.0 / (0.4 * RATE_HZ)) / 25.0
-    assert np.std([each.gain for each in found]) == pytest.approx(wanted, rel=0.2)
-    assert np.mean([each.gain_ci for each in found]) == pytest.approx(2.1 * wanted, rel=0.15)
+    target = 5.0 * math.sqrt(2.0 / (0.4 * RATE_HZ)) / 25.0
+    assert np.std([each.gain for each in found]) == pytest.approx(target, rel=0.2)
+    assert np.mean([each.gain_ci for each in found]) == pytest.approx(2.1 * target, rel=0.15)
 
 
 def test_what_changes_from_segment_to_segment_is_seen_though_each_fits_well() -> None:
@@ -116,12 +116,12 @@ def test_a_second_method_finds_the_same() -> None:
     segment = {"fs": rate_hz, "nperseg": 400, "noverlap": 0, "window": "boxcar", "detrend": "constant"}
     frequencies, cross = signal.csd(reference, response, **segment)
     place = int(np.argmin(np.abs(frequencies - frequency_hz)))
-    wanted = cross[place] / signal.welch(reference, **segment)[1][place]
+    target = cross[place] / signal.welch(reference, **segment)[1][place]
     coherence = signal.coherence(reference, response, **segment)[1][place]
     found = frequency_response(time, reference, response, frequency_hz)
     assert found.segments == 10
     # Only the drift, which is fitted here and not there, is between the two: a share of the noise.
-    assert found.response == pytest.approx(complex(wanted), abs=0.2 * found.gain_ci)
+    assert found.response == pytest.approx(complex(target), abs=0.2 * found.gain_ci)
     assert found.coherence == pytest.approx(float(coherence), abs=2e-3)
     assert found.coherence < 0.9999
 
@@ -135,10 +135,10 @@ def test_the_response_of_a_known_filter_is_found_in_noise(frequency_hz: float) -
     time = times(frequency_hz, 60)
     reference = sine(time, frequency_hz, 25.0, 70.0)
     response = signal.lfilter(b, a, reference) + random.normal(0.0, 0.5, len(time))
-    wanted = complex(signal.freqz(b, a, [frequency_hz], fs=RATE_HZ)[1][0])
+    target = complex(signal.freqz(b, a, [frequency_hz], fs=RATE_HZ)[1][0])
     half = len(time) // 2  # what the filter makes of the beginning has gone
     found = frequency_response(time[half:], reference[half:], response[half:], frequency_hz)
-    assert abs(found.response - wanted) < 2.0 * found.gain_ci
+    assert abs(found.response - target) < 2.0 * found.gain_ci
     assert found.gain_ci < 0.01
 
 

@@ -26,7 +26,7 @@ LAG = cmath.rect(0.884, -0.241)
 
 def untouched() -> CutPath:
     """A cut that knows nothing yet."""
-    return CutPath(wanted=WANTED, command=LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0))
+    return CutPath(target=WANTED, command=LobedPath(mean_um=100.0, amplitude_um=0.0, lobes=3, crest_deg=0.0))
 
 
 def passes_um_pp(true: complex, nominal: complex, gain: float, count: int) -> list[float]:
@@ -93,22 +93,22 @@ def test_a_fit_needs_a_turn() -> None:
 def test_what_the_tool_missed_is_not_wanted_deeper() -> None:
     """The same part: once the tool did what was wanted and that was wrong, once it did not do it."""
     high = {3: 2.0 + 1.0j}
-    path = CutPath(wanted=WANTED, command=invert(WANTED, LAG))
+    path = CutPath(target=WANTED, command=invert(WANTED, LAG))
     misjudged = learned_part(path, Deviation(coefficients_um=high), Deviation(coefficients_um={}), lambda _: LAG)
     missed = learned_part(path, Deviation(coefficients_um=high), Deviation(coefficients_um=high), lambda _: LAG)
     lobe = WANTED.waves[0].coefficient
-    assert misjudged.wanted.waves[0].coefficient == pytest.approx(lobe + high[3])
-    assert missed.wanted.waves[0].coefficient == pytest.approx(lobe)
+    assert misjudged.target.waves[0].coefficient == pytest.approx(lobe + high[3])
+    assert missed.target.waves[0].coefficient == pytest.approx(lobe)
     for learned in (misjudged, missed):
         assert LAG * learned.command.waves[0].coefficient == pytest.approx(lobe + high[3])
 
 
 def test_a_part_that_is_too_large_is_cut_deeper() -> None:
-    path = CutPath(wanted=WANTED, command=WANTED)
+    path = CutPath(target=WANTED, command=WANTED)
     none = Deviation(coefficients_um={})
     large = Deviation(mean_um=10.0, coefficients_um={})
     learned = learned_part(path, large, none, lambda _: LAG, gain=0.7)
-    assert (learned.wanted.mean_um, learned.command.mean_um) == (107.0, 107.0)
+    assert (learned.target.mean_um, learned.command.mean_um) == (107.0, 107.0)
 
 
 def test_a_trim_takes_a_steady_disturbance_away_and_has_its_limit() -> None:

@@ -37,7 +37,7 @@ def test_a_tool_in_air_is_never_left_worse_than_it_began(
     true: complex, wrong: complex, passes: int, seed: int
 ) -> None:
     """Three times the lobe, where friction makes `wrong`, and T'/T is anything: sign, phase and size."""
-    random, watch, path = np.random.default_rng(seed), Watch(), CutPath(wanted=WANTED, command=WANTED)
+    random, watch, path = np.random.default_rng(seed), Watch(), CutPath(target=WANTED, command=WANTED)
     for _ in range(passes):
         off = {9: wrong - made(path, true, 9) + noise(random)}
         watch = watch.judged(path, off, lambda _: 0.04)
@@ -55,10 +55,10 @@ def test_parts_in_a_row_end_no_worse_than_the_first(
     true: complex, held: complex, misjudged: complex, seed: int
 ) -> None:
     """`held` is what keeps the tool from its path, `misjudged` what the path itself is wrong by."""
-    random, watch, path, left = np.random.default_rng(seed), Watch(), CutPath(wanted=WANTED, command=WANTED), []
+    random, watch, path, left = np.random.default_rng(seed), Watch(), CutPath(target=WANTED, command=WANTED), []
     for number in range(6):
-        tool = {9: coefficient_of(path.wanted, 9) + held - made(path, true, 9)}
-        part = {9: misjudged - coefficient_of(path.wanted, 9) + tool[9] + noise(random)}
+        tool = {9: coefficient_of(path.target, 9) + held - made(path, true, 9)}
+        part = {9: misjudged - coefficient_of(path.target, 9) + tool[9] + noise(random)}
         left.append(abs(part[9]))
         watch = watch.judged(path, part, lambda _: 0.01)
         high, missed = (Deviation(coefficients_um=watch.learned(each)) for each in (part, tool))
@@ -70,7 +70,7 @@ def test_parts_in_a_row_end_no_worse_than_the_first(
 
 
 def test_what_one_path_leaves_otherwise_from_pass_to_pass_stops_nothing() -> None:
-    path, sure = CutPath(wanted=WANTED, command=WANTED), 0
+    path, sure = CutPath(target=WANTED, command=WANTED), 0
     for seed in range(50):
         random, watch = np.random.default_rng(seed), Watch()
         for _ in range(8):
@@ -80,7 +80,7 @@ def test_what_one_path_leaves_otherwise_from_pass_to_pass_stops_nothing() -> Non
 
 
 def test_one_wave_that_grows_leaves_the_others_to_be_learned_and_stays_as_it_was() -> None:
-    path, watch, true = CutPath(wanted=WANTED, command=WANTED), Watch(), {3: 0.7 + 0j, 9: 2.6 + 0.8j}
+    path, watch, true = CutPath(target=WANTED, command=WANTED), Watch(), {3: 0.7 + 0j, 9: 2.6 + 0.8j}
     for _ in range(4):
         off = {3: WANTED.waves[0].coefficient - made(path, true[3], 3), 9: 1j - made(path, true[9], 9)}
         watch = watch.judged(path, off, lambda _: 0.04)
@@ -95,7 +95,7 @@ def test_one_wave_that_grows_leaves_the_others_to_be_learned_and_stays_as_it_was
 
 
 def test_what_friction_may_do_meanwhile_is_no_growth() -> None:
-    path = CutPath(wanted=WANTED, command=WANTED)
+    path = CutPath(target=WANTED, command=WANTED)
     begun = Watch().judged(path, {6: 0.1j}, lambda _: 0.05)
     assert begun.judged(path, {6: 0.7j}, lambda _: 0.05).frozen == {6}
     assert begun.judged(path, {6: 0.7j}, lambda _: 0.05, lambda _: 2.4).frozen == frozenset()

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from profiles.machine import iron_problems, machine_from_table
+from profiles.machine import machine_from_table, real_machine_problems
 from profiles.problem import ProfileError
 from profiles.store import list_machines, load_machine
 
@@ -23,14 +23,14 @@ def table(**safety: str | None) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", BUNDLED)
 def test_a_bundled_machine_is_signed_for_the_simulator_alone(name: str) -> None:
-    (problem,) = iron_problems(load_machine(name).machine)
+    (problem,) = real_machine_problems(load_machine(name).machine)
     assert (problem.code, problem.where, problem.value) == ("safety.signed_for_simulator", name, "simulator")
 
 
 def test_a_machine_that_somebody_has_signed_for_may_be_met() -> None:
     signed = machine_from_table(table(signed_by="Kim, 2026-03-01", signed_for="machine"))
-    assert iron_problems(signed) == ()
-    assert iron_problems(machine_from_table(table(signed_by=None, signed_for=None))) == ()
+    assert real_machine_problems(signed) == ()
+    assert real_machine_problems(machine_from_table(table(signed_by=None, signed_for=None))) == ()
 
 
 @pytest.mark.parametrize(

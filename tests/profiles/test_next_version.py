@@ -17,7 +17,7 @@ from profiles.calibration.lobe import find_lobe
 from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
 from profiles.compensations.next_version import CutWith, LearningStep, Verdict, next_version
 from profiles.compensations.part_waves import PartWaves, part_waves
-from profiles.compensations.path import CutPath, expected, invert, share_of, wanted_path
+from profiles.compensations.path import CutPath, expected, invert, share_of, target_path
 from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import ProfileError
@@ -36,7 +36,7 @@ def nominal(n: int) -> complex:
     return cmath.rect(0.9 / n**0.3, -0.3 * n)
 
 
-MODEL = CutPath(wanted=wanted_path(JOB), command=invert(wanted_path(JOB), nominal))
+MODEL = CutPath(target=target_path(JOB), command=invert(target_path(JOB), nominal))
 
 
 def part(
@@ -104,7 +104,7 @@ def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
         before = abs(waves[3])
         cut = CutWith(path=lesson.next.path, share=1.0, version=lesson.next)
     assert shrinks == pytest.approx([abs(1 - true), abs(1 - true), abs(1 - 0.7 * true)], rel=1e-6)
-    assert cut.path.wanted.overtones[0].lobes == 6
+    assert cut.path.target.overtones[0].lobes == 6
     assert [cut.version.version, cut.version.parent] == [3, 2] if cut.version else False
 
 
@@ -137,7 +137,7 @@ def test_only_what_stands_out_of_the_noise_is_learned() -> None:
     assert lesson.learned == (3, 9)
     nothing = taught(cut, part({}, noise_um=1.0))
     assert (nothing.learned, [problem.code for problem in nothing.reasons]) == ((), ["learned.nothing"])
-    assert nothing.next.path.wanted.waves[0].coefficient == pytest.approx(LOBE)
+    assert nothing.next.path.target.waves[0].coefficient == pytest.approx(LOBE)
 
 
 def test_later_parts_learn_half_of_the_noise_of_one() -> None:
@@ -149,7 +149,7 @@ def test_later_parts_learn_half_of_the_noise_of_one() -> None:
         clamped = complex(rng.normal(), rng.normal())
         lesson = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9))
         cut = CutWith(path=lesson.next.path, share=1.0, version=first)
-        off.append(abs(cut.path.wanted.waves[0].coefficient - LOBE) ** 2)
+        off.append(abs(cut.path.target.waves[0].coefficient - LOBE) ** 2)
     assert np.mean(off) / 2 == pytest.approx(0.7 / 1.3, rel=0.3)
 
 
@@ -309,7 +309,7 @@ def test_an_overtone_is_judged_by_what_half_a_part_has_taught_too() -> None:
 def turned(path: CutPath, off_deg: float, arrives: complex, share: float = 1.0) -> PartWaves:
     """A part in the angles of its job, when jaw 1 was taken so many degrees off: its lobe stands that far on."""
     lobe = LOBE * cmath.exp(-3j * math.radians(off_deg))
-    return part({3: lobe - share * arrives * path.wanted.waves[0].coefficient}, noise_um=0.05)
+    return part({3: lobe - share * arrives * path.target.waves[0].coefficient}, noise_um=0.05)
 
 
 @pytest.mark.parametrize("held", [1.0, 0.82, 0.61], ids=["ideal", "3 N at 50 Hz", "3 N at 33 um"])
@@ -339,15 +339,15 @@ def test_a_lobe_that_is_only_elsewhere_is_a_warning_and_a_tool_that_is_held_back
 
 def test_what_has_no_lobe_to_speak_of_is_not_made_worse() -> None:
     tiny = replace(JOB, lobe_error_um_pp=0.02)
-    path = CutPath(wanted=wanted_path(tiny), command=wanted_path(tiny))
-    found = uncompensated(0.5j, 0.001, path.wanted.waves[0].coefficient, 1.0, tiny)
+    path = CutPath(target=target_path(tiny), command=target_path(tiny))
+    found = uncompensated(0.5j, 0.001, path.target.waves[0].coefficient, 1.0, tiny)
     assert (found.reasons(), found.warnings()) == ((), ())
 
 
 def test_of_a_lobe_that_a_model_says_the_part_itself_tells_how_large_it_was() -> None:
     """A job that says 20 um of 55: what is left is larger than 20, and the part is better all the same."""
     job = replace(JOB, lobe_error_source="model", lobe_error_um_pp=20.0)
-    known, expected_um = 27.5 + 0j, wanted_path(job).waves[0].coefficient
+    known, expected_um = 27.5 + 0j, target_path(job).waves[0].coefficient
     towards = expected_um / abs(expected_um)
     assert uncompensated(known * towards - expected_um, 0.01, expected_um, 1.0, job).reasons() == ()
     aside = known * towards * cmath.exp(-3j * math.radians(59.0))

@@ -6,14 +6,14 @@ from dataclasses import replace
 import pytest
 
 from profiles.axis.friction import held_back_um
-from profiles.compensations.path import CutPath, LobedPath, Wave, invert, wanted_path
+from profiles.compensations.path import CutPath, LobedPath, Wave, invert, target_path
 from profiles.compensations.path_bounds import path_problems
 from profiles.job import Job
 from profiles.store import load_job, load_machine
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, crest_deg=90.0)
 LAG = cmath.rect(0.885, -0.9)
-PATH = CutPath(wanted=WANTED, command=invert(WANTED, LAG))
+PATH = CutPath(target=WANTED, command=invert(WANTED, LAG))
 
 
 MACHINE = load_machine("lee-2001-lathe").machine
@@ -21,8 +21,8 @@ RING = load_job("lee-2001-experiment-1").job
 
 
 def codes(path: CutPath, job: Job = RING) -> list[str]:
-    wanted = WANTED if job is RING else wanted_path(job)
-    found = path_problems(path, wanted, lambda _: LAG, lambda n: held_back_um(MACHINE, job, n))
+    target = WANTED if job is RING else target_path(job)
+    found = path_problems(path, target, lambda _: LAG, lambda n: held_back_um(MACHINE, job, n))
     return [problem.code for problem in found]
 
 
@@ -30,8 +30,8 @@ def test_what_learning_does_is_let_through() -> None:
     """As on the realistic lathe: friction asks for a fifth more, the cut for 25 um of mean, overtones for one."""
     nine = Wave(lobes=9, amplitude_um=0.9, crest_deg=5.0)
     command = replace(PATH.command, amplitude_um=36.7, mean_um=125.0, overtones=(nine,))
-    assert codes(CutPath(wanted=replace(WANTED, amplitude_um=28.9), command=command)) == []
-    half = CutPath(wanted=replace(WANTED, amplitude_um=13.75), command=replace(PATH.command, amplitude_um=15.5))
+    assert codes(CutPath(target=replace(WANTED, amplitude_um=28.9), command=command)) == []
+    half = CutPath(target=replace(WANTED, amplitude_um=13.75), command=replace(PATH.command, amplitude_um=15.5))
     assert codes(half) == []
 
 
@@ -48,11 +48,11 @@ def test_what_learning_does_is_let_through() -> None:
         {"mean_um": float("nan")},
     ],
 )
-def test_what_is_another_cut_is_refused(wanted: dict[str, object]) -> None:
-    other = replace(WANTED, **wanted)  # type: ignore[arg-type]
+def test_what_is_another_cut_is_refused(target: dict[str, object]) -> None:
+    other = replace(WANTED, **target)  # type: ignore[arg-type]
     for path in (
-        CutPath(wanted=other, command=invert(other, LAG)),
-        CutPath(wanted=WANTED, command=invert(other, LAG)),
+        CutPath(target=other, command=invert(other, LAG)),
+        CutPath(target=WANTED, command=invert(other, LAG)),
     ):
         assert codes(path) != []
 
@@ -70,8 +70,8 @@ def test_friction_may_hold_a_tool_by_what_its_loop_gives_way() -> None:
 def test_a_small_slow_lobe_may_be_told_much_more_than_it_is_to_do(held_um: float, told: list[str]) -> None:
     """3 N hold a tool by (4/pi) 3 N 4.51 um/N = 17.2 um at 20 Hz, in which two jaws want 5.2 um."""
     job = load_job("two-jaw-tube").job
-    wanted = wanted_path(job)
-    held = wanted.plus({2: held_um * 1j * wanted.waves[0].coefficient / wanted.amplitude_um})
-    assert codes(CutPath(wanted=wanted, command=invert(held, LAG)), job) == told
-    misread = CutPath(wanted=held, command=invert(held, LAG))
+    target = target_path(job)
+    held = target.plus({2: held_um * 1j * target.waves[0].coefficient / target.amplitude_um})
+    assert codes(CutPath(target=target, command=invert(held, LAG)), job) == told
+    misread = CutPath(target=held, command=invert(held, LAG))
     assert codes(misread, job) == ["path.beyond"], "what is wanted of the tool has no friction"

@@ -18,7 +18,7 @@ from functools import partial
 from drivers.link.address import TcpAddress
 from drivers.link.opening import open_link
 from drivers.pmac.client import PmacClient
-from drivers.pmac.heartbeat.lease import Activity, lease_timer
+from drivers.pmac.heartbeat.watchdog import Activity, watchdog_timer
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import ACTIVITY
 from drivers.simulator.hosts.connection import Connection, PlainStream
@@ -132,9 +132,9 @@ class PatientCard:
     def _measured(self) -> bool:
         """Whether the console holds the rate of the lease against its clock: then no moment may be left out."""
         card = self.lathe.controller
-        lease = lease_timer(card.dialect).name
+        watchdog = watchdog_timer(card.dialect).name
         guarded = card.variables.get(VariableKind.P, ACTIVITY) != Activity.NOTHING
-        return card.variables.get(VariableKind.M, int(lease[1:])) > 0 and not guarded
+        return card.variables.get(VariableKind.M, int(watchdog[1:])) > 0 and not guarded
 
     @property
     def _speed(self) -> float:

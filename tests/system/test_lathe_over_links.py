@@ -42,7 +42,7 @@ def air_cut(site: Site) -> CutPlan:
     """Experiment 1 with 10 turns of feed, from where the spindle stands; nothing is clamped."""
     lathe, counts = site.lathe, site.machine.spindle.counts_per_rev
     turns = math.ceil(lathe.snapshot().spindle.position / counts)
-    plan = plan_cut(JOB, site.machine, Strategy.PVT, from_turn=turns, lease=lathe.program.lease)
+    plan = plan_cut(JOB, site.machine, Strategy.PVT, from_turn=turns, watchdog=lathe.program.watchdog)
     lathe.program.load(plan.program, plan.axis_definitions)
     lathe.jog_to(AxisName.CARRIAGE, plan.carriage_start)
     lathe.jog_to(AxisName.SPINDLE, plan.spindle_start)
@@ -140,7 +140,7 @@ def holds_and_retracts(site: Site, full_way: float) -> None:
     def hold(look: Snapshot) -> None:
         if look.carriage.position > plan.carriage_start + 3 * plan.setup.carriage_per_turn and not held:
             held.append(look)
-            lathe.program.hold()
+            lathe.program.end_after_turn()
 
     lathe.program.start(plan.program.number, plan.setup.retracted)
     last = lathe.program.follow(hold, 2 * plan.duration_s)

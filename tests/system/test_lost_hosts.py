@@ -19,8 +19,8 @@ from console.session.station.owning import take_lock
 from drivers.lathe.control_state import NOBODY
 from drivers.lathe.ownership import OWNER_ITEM
 from drivers.pmac.client import PmacClient
-from drivers.pmac.heartbeat.lease import Activity
 from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, Watch, rest_s, rests
+from drivers.pmac.heartbeat.watchdog import Activity
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.programs.setup import CutSetup, cut_setup
 from drivers.pmac.reserved import OWNER

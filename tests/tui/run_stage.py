@@ -81,7 +81,7 @@ def cut(stage: CutStage = CutStage.CUT, **changes: Any) -> CutProgress:
         "speed_rpm": 1000.3,
         "tool_radius_mm": 25.9271,
         "infeed_um": 72.9,
-        "wanted_um": 73.5,
+        "target_um": 73.5,
         "tool_error_um": -0.6,
         "tool_error_peak_um": 1.4,
         "following_error_um": 12.3,

@@ -145,7 +145,7 @@ def cut() -> CutProgress:
         speed_rpm=1000.31,
         tool_radius_mm=25.92713,
         infeed_um=72.87,
-        wanted_um=73.46,
+        target_um=73.46,
         tool_error_um=-0.587,
         tool_error_peak_um=1.423,
         following_error_um=12.34,

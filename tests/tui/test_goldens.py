@@ -121,8 +121,8 @@ def test_a_bare_key_would_be_found() -> None:
 
 
 def test_there_is_no_golden_without_its_screen() -> None:
-    wanted = {golden_of(*each).name for each in PICTURES}
-    assert {path.name for path in FOLDER.iterdir()} == wanted
+    target = {golden_of(*each).name for each in PICTURES}
+    assert {path.name for path in FOLDER.iterdir()} == target
 
 
 def test_a_difference_is_shown_and_writing_does_not_pass(tmp_path: Path) -> None:

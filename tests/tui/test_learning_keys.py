@@ -233,9 +233,9 @@ def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
     path = chosen.of(work, JAW, simulated=True)
     assert path is not None and path is chosen.of(replace(work), JAW, simulated=True)
     turn_deg = (12.63 - work.job.jaw_1_deg) % 120.0
-    assert (path.wanted.crest_deg - one.path.wanted.crest_deg) % 120.0 == pytest.approx(turn_deg)
+    assert (path.target.crest_deg - one.path.target.crest_deg) % 120.0 == pytest.approx(turn_deg)
     half = chosen.of(replace(work, stage="partial"), JAW, simulated=True)
-    assert half is not None and half.wanted.amplitude_um == pytest.approx(0.5 * path.wanted.amplitude_um)
+    assert half is not None and half.target.amplitude_um == pytest.approx(0.5 * path.target.amplitude_um)
     assert chosen.of(cam(), JAW, simulated=True) is None
     assert chosen.of(with_strategy(work, "pvt"), JAW, simulated=True) is None
 

@@ -195,8 +195,8 @@ def test_with_and_without_compensation_differ_by_more_than_colour() -> None:
     assert (without.token, without.dashed) == (Token.BEFORE, True)
     assert (with_.token, with_.dashed) == (Token.AFTER, False)
     assert float(np.ptp(np.asarray(without.deviation_um))) == pytest.approx(55.0, abs=0.01)
-    wanted, command = path_series(seen(), Strategy.PVT)
-    assert (wanted.dashed, command.dashed) == (False, True)
+    target, command = path_series(seen(), Strategy.PVT)
+    assert (target.dashed, command.dashed) == (False, True)
     assert float(np.ptp(np.asarray(command.y))) == pytest.approx(62.1, abs=0.1)
     assert len(roundness_traces(seen(), Strategy.NONE)) == 1
 

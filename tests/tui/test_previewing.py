@@ -212,7 +212,7 @@ def test_a_learned_path_asks_for_one_program_more(planner: Planner) -> None:
     work = finished(previewer, ticked(previewer, with_strategy(short(), "cam")))
     assert work.preview is not None
     made = work.preview
-    path = CutPath(wanted=made.wanted, command=made.command.plus({3: 2.0 + 0.0j}))
+    path = CutPath(target=made.target, command=made.command.plus({3: 2.0 + 0.0j}))
     for _ in range(2):
         work = previewer.refreshed(work, Alignment(), path=path)
     assert work.outlook is not None

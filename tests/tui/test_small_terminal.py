@@ -49,12 +49,12 @@ async def resize(app: ConsoleApp, pilot: Pilot[None], size: Size) -> None:
 @pytest.mark.parametrize("size", [(59, 24), (80, 17), (40, 5)])
 def test_a_terminal_that_is_too_small_says_what_it_needs(size: Size, language: str, tmp_path: Path) -> None:
     text = load(language)
-    wanted = text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]).split()
+    target = text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]).split()
 
     async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
         await resize(app, pilot, size)
         words = " ".join(rows_of(app)).split()
-        assert words == [*text("small.title").split(), *wanted]
+        assert words == [*text("small.title").split(), *target]
 
     play(PageName.RUN, act, tmp_path, language=language)
 

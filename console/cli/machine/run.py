@@ -65,13 +65,13 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.session.data.killed_runs import killed_runs
     from profiles.files import remove_all_left
 
-    order = requested(options)
+    request = requested(options)
     remove_all_left(data_of(options))
-    killed = killed_runs(data_of(options), order.machine.machine.name, simulated=order.simulated)
-    warnings = tell((*killed, *order.warnings), text)
-    if order.address is not None and not agreed_to(options, order, text):
+    killed = killed_runs(data_of(options), request.machine.machine.name, simulated=request.simulated)
+    warnings = tell((*killed, *request.warnings), text)
+    if request.address is not None and not agreed_to(options, request, text):
         return 1
-    cut_requested(options, order, interruption, warnings, text)
+    cut_requested(options, request, interruption, warnings, text)
     return 0
 
 

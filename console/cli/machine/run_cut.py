@@ -38,49 +38,49 @@ from profiles.traces import write_trace
 Result = TypeVar("Result")
 
 
-def agreed_to(options: Namespace, order: RunRequest, text: Catalogue) -> bool:
+def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
     """Say what the cut rests on where nobody has touched off, and have the name of the machine typed."""
-    machine, job = order.plan.machine, order.plan.job
+    machine, job = request.plan.machine, request.plan.job
     rests_on = text(
         "run.rests_on",
         machine=machine.name,
-        address=order.address,
+        address=request.address,
         radius=f"{machine.tool.home_radius_mm:.3f}",
         jaw=f"{job.jaw_1_deg:.2f}",
         force=f"{job.chucking_force_n:.0f}",
     )
     print(f"{rests_on}\n{force_line(job, machine, text)}", file=sys.stderr)
-    return agreed(options, machine.name, order.simulated, text, "run")
+    return agreed(options, machine.name, request.simulated, text, "run")
 
 
 def cut_requested(
-    options: Namespace, order: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
+    options: Namespace, request: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
 ) -> None:
     """Cut with a record and, where one is asked for, a trace, and print what became of it.
 
     What ended the trace is added to the warnings.
     """
-    tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {order.job.job.name}")
-    data, parts = data_of(options), order.parts
-    record = _record(data, order)
-    tell_cut_with(options, order, text)
-    tell = _teller(options, text, interruption, record.add, order)
+    tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {request.job.job.name}")
+    data, parts = data_of(options), request.parts
+    record = _record(data, request)
+    tell_cut_with(options, request, text)
+    tell = _teller(options, text, interruption, record.add, request)
     try:
         if parts is None:
-            there = partial(cut, order, data, interruption, tracing, tell, text)
-            result = _recorded(record, warnings, order, there, run_fields)
+            there = partial(cut, request, data, interruption, tracing, tell, text)
+            result = _recorded(record, warnings, request, there, run_fields)
         else:
-            row = partial(cut_learning, order, parts, interruption, tracing, tell)
-            learned = _recorded(record, warnings, order, row, learning_fields)
+            row = partial(cut_learning, request, parts, interruption, tracing, tell)
+            learned = _recorded(record, warnings, request, row, learning_fields)
     finally:
         warnings += tell_problems(tracing.problems, text)
     if parts is not None:
         warnings += tell_problems(learned.warnings, text)
         _print(options, learning_fields(learned, warnings), learning_lines(learned, text))
         return
-    lines = [*run_lines(result, text), *learn_hint(options, order, text)]
+    lines = [*run_lines(result, text), *learn_hint(options, request, text)]
     _print(options, run_fields(result, warnings), lines)
-    _save_part(order, result)
+    _save_part(request, result)
 
 
 def _print(options: Namespace, fields: dict[str, object], lines: list[str]) -> None:
@@ -95,10 +95,10 @@ def _teller(
     text: Catalogue,
     interruption: Interruption,
     keep: Callable[[str, dict[str, object]], None],
-    order: RunRequest,
+    request: RunRequest,
 ) -> TellPart:
     """Return what is told at each step: a line for people, an event for the record."""
-    sim = f"{text('sim')}  " if order.simulated else ""
+    sim = f"{text('sim')}  " if request.simulated else ""
 
     def tell(part: str, step: Step, detail: str) -> None:
         keep("step", {"part": part, "step": step.value, "detail": detail})
@@ -116,30 +116,30 @@ def _teller(
     return tell
 
 
-def tell_cut_with(options: Namespace, order: RunRequest, text: Catalogue) -> None:
+def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> None:
     """Print, for people, the lines in front of the steps: the stage, which compensation it is cut with, the force.
 
     A machine was cut on only after somebody has agreed, who has read the force before that.
     """
     if options.json:
         return
-    plan = order.plan
+    plan = request.plan
     which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
     said = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
-    lines = [said] if order.address else [said, force_line(order.job.job, order.machine.machine, text)]
+    lines = [said] if request.address else [said, force_line(request.job.job, request.machine.machine, text)]
     # In one piece: a reader that goes away behind the first line is missed at the first step, which stops the cut.
-    print("".join(f"{text('sim')}  {line}\n" if order.simulated else f"{line}\n" for line in lines), end="")
+    print("".join(f"{text('sim')}  {line}\n" if request.simulated else f"{line}\n" for line in lines), end="")
 
 
-def _save_part(order: RunRequest, result: RunResult) -> None:
+def _save_part(request: RunRequest, result: RunResult) -> None:
     """Write the trace of the part where one was asked for, with header lines that say what it was cut with.
 
     Raises:
         ProfileError: `file.exists`, `file.not_writable`.
     """
-    if order.part_file is None or result.trace is None:
+    if request.part_file is None or result.trace is None:
         return
-    plan = order.plan
+    plan = request.plan
     made = {
         "compensation": NONE if plan.compensation is None else str(plan.compensation),
         "strategy": plan.cut.strategy.value,
@@ -147,14 +147,14 @@ def _save_part(order: RunRequest, result: RunResult) -> None:
         INVERTED: plan.inverted or MODEL,
         CUT_JAW: AS_FILED,
     }
-    write_trace(order.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
+    write_trace(request.part_file, replace(result.trace, meta={**result.trace.meta, **made}))
 
 
-def learn_hint(options: Namespace, order: RunRequest, text: Catalogue) -> list[str]:
+def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list[str]:
     """Return how to learn from the part; nothing of one in air, or by a strategy that follows no path."""
-    if not order.plan.cut.strategy.traits.inverts or order.plan.stage is Stage.AIR:
+    if not request.plan.cut.strategy.traits.inverts or request.plan.stage is Stage.AIR:
         return []
-    if order.simulated and order.part_file is None:
+    if request.simulated and request.part_file is None:
         return []
     words = ["console", "learn", options.part or "FILE.csv", "--job", options.job]
     if options.machine:
@@ -164,7 +164,7 @@ def learn_hint(options: Namespace, order: RunRequest, text: Catalogue) -> list[s
     return [text("run.learn_from_it", command=shlex.join(words))]
 
 
-def _record(data: Path, order: RunRequest) -> RunRecord:
+def _record(data: Path, request: RunRequest) -> RunRecord:
     """Begin the record of a run. On a lathe in this process no drive waits for other writers.
 
     Raises:
@@ -172,20 +172,20 @@ def _record(data: Path, order: RunRequest) -> RunRecord:
     """
     return begin_record(
         data,
-        order.job.job.name,
-        order.job.sha256,
-        order.machine,
-        order.plan.cut,
-        simulated=order.simulated,
+        request.job.job.name,
+        request.job.sha256,
+        request.machine,
+        request.plan.cut,
+        simulated=request.simulated,
         open_timeout_s=OPEN_TIMEOUT_S,
-        patience_s=OPEN_TIMEOUT_S if order.address is None else DRIVES_ON_TIMEOUT_S,
+        patience_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
     )
 
 
 def _recorded(
     record: RunRecord,
     warnings: list[str],
-    order: RunRequest,
+    request: RunRequest,
     work: Callable[[], Result],
     told: Callable[[Result, list[str]], dict[str, object]],
 ) -> Result:
@@ -194,7 +194,7 @@ def _recorded(
     With the plan it keeps the dates of the calibrations with which the job was judged.
     """
     try:
-        duration_s, used = order.plan.cut.duration_s, order.machine.used
+        duration_s, used = request.plan.cut.duration_s, request.machine.used
         record.add("planned", {"warnings": warnings, "duration_s": duration_s, "calibrations": used})
         result = work()
         record.add("result", told(result, warnings))

@@ -22,31 +22,31 @@ from profiles.problem import Problem
 
 
 def cut_learning(
-    order: RunRequest, parts: int, interruption: Interruption, tracing: Tracing, tell: TellPart
+    request: RunRequest, parts: int, interruption: Interruption, tracing: Tracing, tell: TellPart
 ) -> LearnResult:
     """Cut parts in a row on one simulated machine, each with what the ones before have taught.
 
     Raises:
         ProblemError: a refusal, or what ended a cut; the machine is at rest.
     """
-    return learn(order.plan, _simulated(order, interruption, tracing), tell, parts)
+    return learn(request.plan, _simulated(request, interruption, tracing), tell, parts)
 
 
 def cut(
-    order: RunRequest, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
+    request: RunRequest, data: Path, interruption: Interruption, tracing: Tracing, tell: TellPart, text: Catalogue
 ) -> RunResult:
     """Cut what was ordered, where it was ordered.
 
     Raises:
         ProblemError: a refusal, or what ended the cut; the machine is at rest.
     """
-    if order.address is None:
-        return run(order.plan, _simulated(order, interruption, tracing), tell)
-    return _run_there(order, order.address, data, interruption, tracing, tell, text)
+    if request.address is None:
+        return run(request.plan, _simulated(request, interruption, tracing), tell)
+    return _run_there(request, request.address, data, interruption, tracing, tell, text)
 
 
 def _run_there(
-    order: RunRequest,
+    request: RunRequest,
     address: LinkAddress,
     data: Path,
     interruption: Interruption,
@@ -56,21 +56,21 @@ def _run_there(
 ) -> RunResult:
     """Cut one part on a machine behind a link, and leave it with its drives off; say on stderr how a stop goes."""
     stopping = Stopping(interruption, text)
-    reached = reach(order.machine, address, data, tracing, stopping.seen)
+    reached = reach(request.machine, address, data, tracing, stopping.seen)
     try:
         guard(interruption, reached.lathe, reached.clock.now_s)
         with stopping.watching(reached.stop):
-            return _cut_there(order, reached, data, tell)
+            return _cut_there(request, reached, data, tell)
     finally:
         reached.close()
 
 
-def _cut_there(order: RunRequest, reached: Reached, data: Path, tell: TellPart) -> RunResult:
+def _cut_there(request: RunRequest, reached: Reached, data: Path, tell: TellPart) -> RunResult:
     try:
         commissioned = Commissioned(
-            reached.client, reached.heartbeat, order.machine.machine, data, simulated=reached.simulated
+            reached.client, reached.heartbeat, request.machine.machine, data, simulated=reached.simulated
         )
-        result = run_once(order.plan, machine_context(reached, commissioned), tell)
+        result = run_once(request.plan, machine_context(reached, commissioned), tell)
         if not leave(reached.lathe, reached.owning):
             raise SessionError(Problem(code="machine.state_unknown"))
         return result
@@ -79,11 +79,11 @@ def _cut_there(order: RunRequest, reached: Reached, data: Path, tell: TellPart) 
         raise
 
 
-def _simulated(order: RunRequest, interruption: Interruption, tracing: Tracing) -> Callable[[], CutContext]:
+def _simulated(request: RunRequest, interruption: Interruption, tracing: Tracing) -> Callable[[], CutContext]:
     """Return a function that opens a simulated machine of its own for each part."""
 
     def open_machine() -> CutContext:
-        context, _ = simulated_context(order.machine.machine, order.true, tracing)
+        context, _ = simulated_context(request.machine.machine, request.true, tracing)
         interruption.guard(context.lathe.stop)
         return context
 

@@ -74,7 +74,7 @@ def requested(options: Namespace) -> RunRequest:
         Strategy(options.strategy),
         options.ts,
         str(job.path),
-        lease=cut_condition(machine.machine),
+        watchdog=cut_condition(machine.machine),
         stage=Stage(options.stage),
         path=path,
         inverted="" if inverted is None else inverted.name,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from console.cli.machine.card_access import Card
 from drivers.commissioning.check import Check, Group
 from profiles.findings import Severity
-from profiles.machine import iron_problems
+from profiles.machine import real_machine_problems
 
 
 def signature_checks(card: Card) -> list[Check]:
@@ -20,5 +20,5 @@ def signature_checks(card: Card) -> list[Check]:
             found=problem.value,
             wanted=problem.limit,
         )
-        for problem in iron_problems(card.machine)
+        for problem in real_machine_problems(card.machine)
     ]

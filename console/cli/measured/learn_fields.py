@@ -14,7 +14,7 @@ from profiles.compensations.next_version import Contraction
 def lesson_fields(found: Taught) -> dict[str, object]:
     """Return what a part teaches; what two parts cannot tell is null."""
     lesson = found.lesson
-    lobes = lesson.next.path.wanted.lobes
+    lobes = lesson.next.path.target.lobes
     return {
         "cut_with": asdict(found.made),
         "next": as_table(lesson.next),

@@ -84,7 +84,7 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
 def _facts(lesson: LearningStep, text: Catalogue) -> list[tuple[str, str]]:
     waves = ", ".join(str(n) for n in lesson.learned) or text("learned.no_waves")
     rows = [(text("learned.waves"), waves), (text("learned.gain"), f"{lesson.next.gain:g}")]
-    lobes, contraction = lesson.next.path.wanted.lobes, lesson.contraction
+    lobes, contraction = lesson.next.path.target.lobes, lesson.contraction
     if contraction is not None:
         share, late_deg = arrival(contraction, lobes)
         late = text("learned.arrives_late", share=f"{100 * share:.1f}", late=f"{late_deg:+.2f}")

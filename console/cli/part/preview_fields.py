@@ -31,7 +31,7 @@ def preview_fields(seen: Preview, text: Catalogue) -> dict[str, object]:
         "lobe_error_source": lobe_source(seen.job, chuck=seen.machine.chuck.name, tool=seen.machine.tool.name),
         "predicted": _predicted(seen, text),
         "response": _response(seen),
-        "wanted_path": asdict(seen.wanted),
+        "wanted_path": asdict(seen.target),
         "command": asdict(seen.command),
         "trajectory": _trajectory(seen),
         "eq9": {**asdict(seen.eq9), **asdict(seen.eq9_loop), "gain_margin": _finite(seen.eq9_loop.gain_margin)},

@@ -213,9 +213,9 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
         value, limit = f"{clamping.force_n:g} N", f"{job.chucking_force_n:g} N"
         return (Problem(code="alignment.clamped_otherwise", key="chucking_force_n", value=value, limit=limit),)
     for key, unit in _BLANK:
-        stamped, wanted = getattr(clamping, key), getattr(job, key)
-        if stamped != wanted:
-            value, limit = (f"{each:g} {unit}" if unit else str(each) for each in (stamped, wanted))
+        stamped, target = getattr(clamping, key), getattr(job, key)
+        if stamped != target:
+            value, limit = (f"{each:g} {unit}" if unit else str(each) for each in (stamped, target))
             return (Problem(code="alignment.clamped_otherwise", key=key, value=value, limit=limit),)
     return force_problems(job)
 

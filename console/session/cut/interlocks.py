@@ -112,9 +112,9 @@ def at_speed(lathe: Lathe, job: Job) -> Interlock:
     """Return whether a spindle that is switched and set at the lathe has the speed of the job."""
     if not lathe.machine.spindle.followed:
         return Interlock(name="at_speed")
-    rpm, wanted_rpm = lathe.spindle_rpm(), job.spindle_speed_rpm
-    holds = abs(rpm - wanted_rpm) <= SPEED_BAND * wanted_rpm
-    value, limit = f"{rpm:.1f} rpm", f"{wanted_rpm:.1f} ± {SPEED_BAND * wanted_rpm:.1f} rpm"
+    rpm, target_rpm = lathe.spindle_rpm(), job.spindle_speed_rpm
+    holds = abs(rpm - target_rpm) <= SPEED_BAND * target_rpm
+    value, limit = f"{rpm:.1f} rpm", f"{target_rpm:.1f} ± {SPEED_BAND * target_rpm:.1f} rpm"
     problem = Problem(code="machine.not_at_speed", key=AxisName.SPINDLE, value=value, limit=limit)
     return Interlock(name="at_speed", problems=() if holds else (problem,))
 

@@ -32,30 +32,30 @@ class Phase:
     within_deg: float
 
 
-def phase_of(looks: NDArray[np.float64], wanted: LobedPath) -> Phase | None:
-    """Return how far the tool is behind `wanted`.
+def phase_of(looks: NDArray[np.float64], target: LobedPath) -> Phase | None:
+    """Return how far the tool is behind `target`.
 
     `looks` has rows of spindle angle (deg) and infeed (um). The best sine of the lobe's order through the looks
     (least squares) is compared with the wanted one; None with too few looks, or without a lobe. What the sine
     leaves of the looks says how well its phase is known.
     """
-    if len(looks) < LEAST_LOOKS or wanted.amplitude_um == 0.0:
+    if len(looks) < LEAST_LOOKS or target.amplitude_um == 0.0:
         return None
-    wave = wanted.lobes * np.radians(looks[:, 0])
+    wave = target.lobes * np.radians(looks[:, 0])
     found = fit(harmonic_columns(wave, (1,)), looks[:, 1])
     coefficient = phasors(found.coefficients, (1,))[1]
     amplitude_um = abs(coefficient)
-    if amplitude_um < 0.1 * wanted.amplitude_um:
+    if amplitude_um < 0.1 * target.amplitude_um:
         return None
-    behind_deg = math.degrees(-cmath.phase(coefficient)) / wanted.lobes - wanted.crest_deg
+    behind_deg = math.degrees(-cmath.phase(coefficient)) / target.lobes - target.crest_deg
     across = np.array([0.0, coefficient.imag, coefficient.real]) / amplitude_um**2
     return Phase(
-        error_deg=math.remainder(behind_deg, 360.0 / wanted.lobes),
-        within_deg=SURE * math.degrees(found.sd_along(across)) / wanted.lobes,
+        error_deg=math.remainder(behind_deg, 360.0 / target.lobes),
+        within_deg=SURE * math.degrees(found.sd_along(across)) / target.lobes,
     )
 
 
-def phase_limit_deg(wanted: LobedPath, tolerance_um: float) -> float | None:
+def phase_limit_deg(target: LobedPath, tolerance_um: float) -> float | None:
     """Return the limit of the phase error, spindle degrees either way; None where no phase spoils the part.
 
     A sine of N lobes and amplitude A that is cut dphi late leaves the difference of the two, a sine of its own, of
@@ -69,10 +69,10 @@ def phase_limit_deg(wanted: LobedPath, tolerance_um: float) -> float | None:
     nothing to the part.
     """
     residual_um = min(max(TOLERANCE_SHARE * tolerance_um, MEASURABLE_UM), tolerance_um)
-    most_um = 4.0 * wanted.amplitude_um
+    most_um = 4.0 * target.amplitude_um
     if most_um <= residual_um:
         return None
-    return math.degrees(2.0 / wanted.lobes * math.asin(residual_um / most_um))
+    return math.degrees(2.0 / target.lobes * math.asin(residual_um / most_um))
 
 
 def is_in_phase(phase: Phase | None, limit_deg: float | None) -> bool | None:

@@ -53,7 +53,7 @@ class RunPlan:
     @property
     def expected(self) -> Expected | None:
         """What is left of the lobe of a part that is cut with a share of its compensation; None else."""
-        whole_um_pp = 2.0 * self.cut.wanted.amplitude_um / self.stage.share
+        whole_um_pp = 2.0 * self.cut.target.amplitude_um / self.stage.share
         return expected(whole_um_pp, self.stage.share) if self.stage is Stage.PARTIAL else None
 
 
@@ -103,7 +103,7 @@ def plan_run(
     ts_ms: int | None = None,
     where: str = "",
     *,
-    lease: str = "",
+    watchdog: str = "",
     stage: Stage = Stage.FULL,
     path: CutPath | None = None,
     compensation: int | None = None,
@@ -112,16 +112,16 @@ def plan_run(
 ) -> RunPlan:
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
 
-    `where` is the file that a refusal of the job names, `lease` the condition without which a program ends. `path`
-    was learned, as version `compensation`, or inverts the response that is named `inverted`; None is the model's.
-    `simulated`: no iron will be cut on, see `of_lobe`.
+    `where` is the file that a refusal of the job names, `watchdog` the condition without which a program ends.
+    `path` was learned, as version `compensation`, or inverts the response that is named `inverted`; None is the
+    model's. `simulated`: no iron will be cut on, see `of_lobe`.
 
     Raises:
         ProblemError: every refusal at once; nothing has been touched.
     """
     refuse_unplannable(job, machine, strategy, jaw_found=False, simulated=simulated, where=where)
-    cut = planned(job, machine, strategy, stage, path, lease=lease, ts_ms=ts_ms)
-    reference = None if stage is Stage.AIR else _reference(job, machine, cut, lease)
+    cut = planned(job, machine, strategy, stage, path, watchdog=watchdog, ts_ms=ts_ms)
+    reference = None if stage is Stage.AIR else _reference(job, machine, cut, watchdog)
     findings = (*check(job, machine), *cut.findings)
     warnings = tuple(f.problem for f in findings if f.severity is Severity.WARNING)
     return RunPlan(
@@ -136,12 +136,12 @@ def plan_run(
     )
 
 
-def _reference(job: Job, machine: MachineProfile, cut: CutPlan, lease: str) -> CutPlan | None:
+def _reference(job: Job, machine: MachineProfile, cut: CutPlan, watchdog: str) -> CutPlan | None:
     if not cut.strategy.traits.follows_lobe:
         return cut
     if machine.spindle.followed:
         return None
-    return planned(job, machine, UNCOMPENSATED, Stage.FULL, None, lease=lease)
+    return planned(job, machine, UNCOMPENSATED, Stage.FULL, None, watchdog=watchdog)
 
 
 def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -> RunResult:

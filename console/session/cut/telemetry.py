@@ -81,7 +81,7 @@ class Telemetry:
         _, tool, spindle, past_mm, _ = np.array(rows, dtype=np.float64).T
         infeed_um = (tool - self._plan.setup.surface) * self._machine.tool.count_um
         angle_deg = 360.0 * spindle / self._machine.spindle.counts_per_rev
-        return np.asarray(infeed_um - self._plan.wanted.at_um(angle_deg, past_mm))
+        return np.asarray(infeed_um - self._plan.target.at_um(angle_deg, past_mm))
 
     def figures(self) -> CutFigures | None:
         """Return the figures, None when fewer than two looks fell into the cut."""

@@ -32,7 +32,7 @@ from profiles.compensations.learning import Deviation, HarmonicFit, fit_harmonic
 from profiles.compensations.learning_watch import Grown, Watch
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.part_waves import PartWaves, part_waves
-from profiles.compensations.path import CutPath, wanted_path
+from profiles.compensations.path import CutPath, target_path
 from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import Problem
@@ -161,8 +161,8 @@ class _Learner:
     def __init__(self, plan: RunPlan, context: CutContext, tell: TellPart) -> None:
         self._plan, self._context, self._tell = plan, context, tell
         self._job, self._machine = plan.job, plan.machine
-        wanted = wanted_path(plan.job)
-        self._path = CutPath(wanted=wanted, command=nominal_command(plan.job, plan.machine, plan.cut.strategy))
+        target = target_path(plan.job)
+        self._path = CutPath(target=target, command=nominal_command(plan.job, plan.machine, plan.cut.strategy))
         self._watch = Watch()
         self._air_um: list[float] = []
         self._homed = False
@@ -193,8 +193,10 @@ class _Learner:
         return part
 
     def _plain(self, job: Job, name: str) -> Trace:
-        lease = self._plan.cut.setup.lease
-        plan = planned(job, self._machine, UNCOMPENSATED, Stage.FULL, None, lease=lease, from_turn=self._turn())
+        watchdog = self._plan.cut.setup.watchdog
+        plan = planned(
+            job, self._machine, UNCOMPENSATED, Stage.FULL, None, watchdog=watchdog, from_turn=self._turn()
+        )
         return _measured(self._cut(job, plan, name).trace)
 
     def _cut(
@@ -281,7 +283,7 @@ class _Learner:
         self._refuse_worse(found, off)
         by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
         folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
-        path = CutPath(wanted=self._path.wanted, command=folded)
+        path = CutPath(target=self._path.target, command=folded)
         # Another clamping has another lobe, whatever the tool does.
         scatter_um = {job.jaws: 0.5 * lobe_um_per_n(job, self._machine) * force_sd_n(job, self._machine)}
         self._watch = self._watch.judged(
@@ -304,7 +306,7 @@ class _Learner:
         """
         lobes = self._job.jaws
         # What the tool has done was seen here.
-        done_um = self._path.wanted.waves[0].coefficient - off.coefficients_um.get(lobes, 0j)
+        done_um = self._path.target.waves[0].coefficient - off.coefficients_um.get(lobes, 0j)
         plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
         if plain.reasons():
             raise SessionError(*plain.reasons())
@@ -328,15 +330,15 @@ class _Learner:
             self._plan.cut.strategy,
             stage,
             self._path,
-            lease=self._plan.cut.setup.lease,
+            watchdog=self._plan.cut.setup.watchdog,
             from_turn=self._turn(),
             trimmed=trimmed,
         )
 
     def _off(self, batch: Batch) -> HarmonicFit:
         """Return what the tool was off in a batch, positive where it was not in far enough."""
-        wanted_um = self._path.wanted.at_um(batch.angle_deg, batch.past_middle_mm)
-        return fit_harmonics(batch.angle_deg, wanted_um - batch.infeed_um, self._orders)
+        target_um = self._path.target.at_um(batch.angle_deg, batch.past_middle_mm)
+        return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders)
 
     @property
     def _orders(self) -> tuple[int, ...]:

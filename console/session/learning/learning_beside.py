@@ -80,7 +80,7 @@ class CutLearner:
             if error.problems[0].code not in HELD_FOR:
                 raise
             self._failed = error
-            self._lathe.program.hold()
+            self._lathe.program.end_after_turn()
 
     def refuse_failed(self) -> None:
         """Say what has ended the cut.

@@ -25,7 +25,7 @@ from profiles.compensations.learned import MODEL, LearnedCompensation, again, mo
 from profiles.compensations.learning_watch import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
 from profiles.compensations.part_waves import PartWaves, part_waves
-from profiles.compensations.path import CutPath, wanted_path
+from profiles.compensations.path import CutPath, target_path
 from profiles.compensations.path_bounds import MOST_WAVES
 from profiles.files import printable
 from profiles.job import Job
@@ -181,7 +181,7 @@ def _as_cut(job: Job, made: MadeWith) -> Job:
 def _left(n: int, part: PartWaves, lesson: LearningStep, path: CutPath, stage: Stage) -> LeftWave:
     """Return a wave of the part, which gets lower by as much as the tool goes deeper."""
     left = part.coefficients_um[n]
-    deeper = coefficient_of(lesson.next.path.wanted, n) - stage.share * coefficient_of(path.wanted, n)
+    deeper = coefficient_of(lesson.next.path.target, n) - stage.share * coefficient_of(path.target, n)
     return LeftWave(
         waves=n,
         left_um_pp=2.0 * abs(left),
@@ -227,7 +227,7 @@ def _parent(
     if version is None:
         return None
     if version.parent == MODEL:
-        return CutPath(wanted=wanted_path(job), command=wanted_path(job))
+        return CutPath(target=target_path(job), command=target_path(job))
     return next((each.path for each in known if each.version == version.parent), None)
 
 

@@ -48,7 +48,7 @@ class Bench:
             strategy,
             ts_ms,
             from_turn=self._turn(),
-            lease=cut_condition(self.machine),
+            watchdog=cut_condition(self.machine),
             path=path,
             air_mm=air_mm,
         )
@@ -63,10 +63,10 @@ class Bench:
         self._homed = True
         return outcome
 
-    def iron(self) -> tuple[float, float]:
+    def true_position(self) -> tuple[float, float]:
         """Return where tool and spindle really are, counts: between two counts no encoder tells."""
         motors = self._lathe.controller.motors
-        return motors[self.machine.tool.motor].iron, motors[self.machine.spindle.motor].iron
+        return motors[self.machine.tool.motor].true_position, motors[self.machine.spindle.motor].true_position
 
     def _turn(self) -> int:
         if not self._homed:

@@ -16,7 +16,7 @@ from drivers.identification.nominal import nominal_response
 from drivers.lathe.snapshot import Snapshot
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.compensations.learning import fit_harmonics, learned_command
-from profiles.compensations.path import CutPath, LobedPath, wanted_path
+from profiles.compensations.path import CutPath, LobedPath, target_path
 from profiles.job import Job
 from profiles.least_squares import fit, harmonic_columns
 from profiles.machine import MachineProfile
@@ -59,7 +59,7 @@ def learned_passes(
     overtones, goes into the command with gain 1 through that same inverse; the part is never measured for it.
     """
     bench, short = Bench(machine, true), shortened(job)
-    path = CutPath(wanted=wanted_path(job), command=nominal_command(job, machine, Strategy.CAM))
+    path = CutPath(target=target_path(job), command=nominal_command(job, machine, Strategy.CAM))
 
     def response(waves: int) -> complex:
         return nominal_response(Strategy.CAM, machine, waves * job.spindle_speed_rpm / 60.0)
@@ -68,7 +68,7 @@ def learned_passes(
     for air in in_air:
         out_mm = CLEAR_MM + job.depth_of_cut_mm if air else 0.0
         plan = bench.plan(short, Strategy.CAM, path=path, air_mm=out_mm)
-        watch = _Watch(bench, path.wanted, job.jaws)
+        watch = _Watch(bench, path.target, job.jaws)
         bench.cut(short, plan, watch, air=air)
         angle_deg, off_um = watch.off()
         found = fit_harmonics(angle_deg, off_um, WAVES).coefficients_um
@@ -100,11 +100,11 @@ def _steady(angle_deg: Floats, off_um: Floats) -> Floats:
 class _Watch:
     """Gathers one batch of a pass, and looks where the iron is while the tool is on its path."""
 
-    def __init__(self, bench: Bench, wanted: LobedPath, lobes: int) -> None:
-        self._bench, self._wanted, self._lobes = bench, wanted, lobes
+    def __init__(self, bench: Bench, target: LobedPath, lobes: int) -> None:
+        self._bench, self._target, self._lobes = bench, target, lobes
         self._gather = bench.lathe.program.batches()
         self._batches: list[Batch] = []
-        self._iron: list[tuple[float, float]] = []
+        self._true_position: list[tuple[float, float]] = []
         self._plan: CutPlan | None = None
 
     def begin(self, plan: CutPlan) -> None:
@@ -121,19 +121,19 @@ class _Watch:
         clear = 2.0 * setup.carriage_per_turn
         steady = clear < fed < setup.carriage_counts - clear and snapshot.tool.position > setup.surface
         if snapshot.program_running and steady:
-            self._iron.append(self._bench.iron())
+            self._true_position.append(self._bench.true_position())
         self._gather.see(snapshot)
 
     def off(self) -> tuple[Floats, Floats]:
         """Return spindle angles (deg) and how much too far out the tool was there, by its scale; (M,) each."""
         batch = self._batches[-1]
-        off_um = self._wanted.at_um(batch.angle_deg, batch.past_middle_mm) - batch.infeed_um
+        off_um = self._target.at_um(batch.angle_deg, batch.past_middle_mm) - batch.infeed_um
         return batch.angle_deg, _steady(batch.angle_deg, off_um)
 
     def places_um_pp(self) -> float:
         """Return the same of the iron itself, at every look: all places, peak to peak."""
         assert self._plan is not None
-        machine, (tool, spindle) = self._bench.machine, np.array(self._iron).T
+        machine, (tool, spindle) = self._bench.machine, np.array(self._true_position).T
         angle_deg = spindle / machine.spindle.counts_per_rev * 360.0
         infeed_um = (tool - self._plan.setup.surface) * machine.tool.count_um
-        return float(np.ptp(_steady(angle_deg, self._wanted.at_um(angle_deg) - infeed_um)))
+        return float(np.ptp(_steady(angle_deg, self._target.at_um(angle_deg) - infeed_um)))

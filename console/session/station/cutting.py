@@ -33,7 +33,7 @@ START_WITHIN_S = 10.0
 AT_START = "at_start"
 
 
-def arm(place: StationContext, order: Arm, job: Job) -> None:
+def arm(place: StationContext, command: Arm, job: Job) -> None:
     """Judge everything, load the program and read it back. Nothing moves; start is allowed for some seconds.
 
     `job` is that of the order with jaw 1 where it was found.
@@ -43,11 +43,11 @@ def arm(place: StationContext, order: Arm, job: Job) -> None:
     """
     place.tell(armed=None)
     place.lathe.program.put_back()
-    refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, order.job)))
-    context, strategy = place.context, order.strategy
-    also = _learned(place, order), _commissioned(context)
+    refuse_unless(Interlock(name="aligned", problems=problems(place.state.alignment, command.job)))
+    context, strategy = place.context, command.strategy
+    also = _learned(place, command), _commissioned(context)
     refuse_unplannable(job, place.machine, strategy, *also, jaw_found=True, simulated=context.simulated)
-    plan = _planned(place, order, job)
+    plan = _planned(place, command, job)
     load(context, plan, Unobserved(), aligned=True)
     armed = Armed(
         job=job,
@@ -55,23 +55,23 @@ def arm(place: StationContext, order: Arm, job: Job) -> None:
         plan=plan,
         alignment=place.state.alignment,
         until_s=place.clock.now_s() + START_WITHIN_S,
-        made=_made_with(place, order),
-        loaded=order.loaded,
+        made=_made_with(place, command),
+        loaded=command.loaded,
     )
-    _open_record(place, order, armed)
+    _open_record(place, command, armed)
     place.plan = plan
     place.tell(armed=replace(armed, until_s=place.clock.now_s() + START_WITHIN_S))
 
 
-def _learned(place: StationContext, order: Arm) -> Interlock:
+def _learned(place: StationContext, command: Arm) -> Interlock:
     """Judge what was learned once more: it may have been chosen some time ago, and files may have changed."""
-    learned = order.compensation
+    learned = command.compensation
     problems = compensation_problems(
         learned,
-        order.loaded if order.loaded is not None and order.loaded.job == order.job else None,
+        command.loaded if command.loaded is not None and command.loaded.job == command.job else None,
         place.loaded_machine,
-        order.strategy,
-        Stage(order.stage),
+        command.strategy,
+        Stage(command.stage),
         simulated=place.shop is not None,
     )
     if learned is not None:
@@ -79,27 +79,27 @@ def _learned(place: StationContext, order: Arm) -> Interlock:
     return Interlock(name="learned_holds", problems=problems)
 
 
-def _planned(place: StationContext, order: Arm, job: Job) -> CutPlan:
+def _planned(place: StationContext, command: Arm, job: Job) -> CutPlan:
     """Plan the cut; nothing has been sent, so whatever stands against it is a refusal.
 
     Raises:
         SessionError: the problems of `path_of` and `planned`.
     """
-    strategy, machine, stage = order.strategy, place.machine, Stage(order.stage)
-    path = path_of(job, order.job, order.compensation)
-    turn, lease = _nearest_turn(place, job, order), place.lathe.program.lease
+    strategy, machine, stage = command.strategy, place.machine, Stage(command.stage)
+    path = path_of(job, command.job, command.compensation)
+    turn, watchdog = _nearest_turn(place, job, command), place.lathe.program.watchdog
     try:
-        return planned(job, machine, strategy, stage, path, lease=lease, from_turn=turn)
+        return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn)
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
 
 
-def _made_with(place: StationContext, order: Arm) -> MadeWith:
-    jaw, learned = place.state.alignment.jaw, order.compensation
+def _made_with(place: StationContext, command: Arm) -> MadeWith:
+    jaw, learned = place.state.alignment.jaw, command.compensation
     return MadeWith(
         compensation=NONE if learned is None else str(learned.version),
-        strategy=order.strategy.value,
-        stage=Stage(order.stage).value,
+        strategy=command.strategy.value,
+        stage=Stage(command.stage).value,
         inverted=MODEL,
         cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
     )
@@ -168,7 +168,7 @@ class _Watched:
         """Pass the operator's hold on, once, between two polls of the program."""
         place = self._place
         if place.end_asked and not place.lathe.program.held:
-            place.lathe.program.hold()
+            place.lathe.program.end_after_turn()
 
     def publish(self, snapshot: Snapshot) -> None:
         """Show a poll of the machine, in whatever wait it was made."""
@@ -212,9 +212,9 @@ def _leave_tables(place: StationContext) -> None:
     refuse_unless(Interlock(name="no_table", problems=place.lathe.program.switch_tables_off()))
 
 
-def _nearest_turn(place: StationContext, job: Job, order: Arm) -> int:
+def _nearest_turn(place: StationContext, job: Job, command: Arm) -> int:
     """Return the whole turn nearest to where the spindle stands: each cut leaves it some hundreds further on."""
-    start = first_spindle_counts(job, place.machine, order.strategy)
+    start = first_spindle_counts(job, place.machine, command.strategy)
     return round((place.lathe.snapshot().spindle.position - start) / place.machine.spindle.counts_per_rev)
 
 
@@ -233,13 +233,13 @@ def _finish(place: StationContext, watched: _Watched, end: CutEnd) -> None:
     place.note("held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made)
 
 
-def _open_record(place: StationContext, order: Arm, armed: Armed) -> None:
+def _open_record(place: StationContext, command: Arm, armed: Armed) -> None:
     place.end_record()
     machine = place.loaded_machine
-    sha256, simulated = order.job_sha256, place.context.simulated
-    place.record = begin_record(place.records, order.job.name, sha256, machine, armed.plan, simulated=simulated)
+    sha256, simulated = command.job_sha256, place.context.simulated
+    place.record = begin_record(place.records, command.job.name, sha256, machine, armed.plan, simulated=simulated)
     used = calibrations_of(machine)
-    force_n, made = order.job.chucking_force_n, armed.made.event()
+    force_n, made = command.job.chucking_force_n, armed.made.event()
     place.note("armed", force_n=force_n, jaw_1_deg=_jaw_deg(place), calibrations=used, **made)
 
 

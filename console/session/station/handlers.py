@@ -79,7 +79,7 @@ def verify(place: StationContext, _: Verify) -> None:
     place.tell(alignment=replace(place.state.alignment, settings=settings))
 
 
-def take_control(place: StationContext, order: TakeControl) -> None:
+def take_control(place: StationContext, command: TakeControl) -> None:
     """Take control of the machine, whoever had it. What was aligned from another console is not known here."""
     place.owning.take_control()
     if not place.lathe.snapshot().loops_open:
@@ -89,19 +89,19 @@ def take_control(place: StationContext, order: TakeControl) -> None:
     verify(place, Verify())
 
 
-def confirm_clamping(place: StationContext, order: ConfirmClamping) -> None:
+def confirm_clamping(place: StationContext, command: ConfirmClamping) -> None:
     """Take the operator's word that the blank is clamped; in the simulator, clamp it."""
     if not place.lathe.snapshot().loops_open:
         raise SessionError(Problem(code="alignment.drives_on"))
     _refuse_unless_still(place)
     _refuse_tool_in_part(place)
-    refuse_unless(of_job(order.job, place.machine))
-    finding = force_as_measured(order.job)
+    refuse_unless(of_job(command.job, place.machine))
+    finding = force_as_measured(command.job)
     if finding.severity is not Severity.OK:
         raise SessionError(finding.problem)
     if place.shop is not None:
-        place.shop.mount(order.job)
-    alignment = clamped(place.state.alignment, order.job, place.local_time())
+        place.shop.mount(command.job)
+    alignment = clamped(place.state.alignment, command.job, place.local_time())
     place.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
 
 
@@ -134,13 +134,13 @@ def home(place: StationContext, _: Home) -> None:
     place.lathe.home()
 
 
-def approach(place: StationContext, order: Approach) -> None:
+def approach(place: StationContext, command: Approach) -> None:
     """Tool out, carriage over the part, tool in to the retract distance."""
     _refuse_unless_homed(place)
     machine = place.machine
-    setup = cut_setup(order.job, machine)
-    over_mm = min(OVER_PART_MM, 0.5 * order.job.cut_length_mm)
-    face = (machine.carriage.jaw_face_mm - order.job.overhang_mm) * machine.carriage.counts_per_mm
+    setup = cut_setup(command.job, machine)
+    over_mm = min(OVER_PART_MM, 0.5 * command.job.cut_length_mm)
+    face = (machine.carriage.jaw_face_mm - command.job.overhang_mm) * machine.carriage.counts_per_mm
     lathe = place.lathe
     if lathe.snapshot().tool.position > setup.retracted:
         lathe.retract(setup.retracted)
@@ -148,16 +148,16 @@ def approach(place: StationContext, order: Approach) -> None:
     lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
 
 
-def jog(place: StationContext, order: Jog) -> None:
+def jog(place: StationContext, command: Jog) -> None:
     """One step; toward the work no further than to the part that is clamped, as far as that is known."""
     _refuse_unless_homed(place)
-    if order.axis is AxisName.TOOL:
+    if command.axis is AxisName.TOOL:
         nominal, alignment = place.loaded_machine.machine, place.state.alignment
         longest_mm = longest_toward_mm(place.lathe.snapshot(), nominal, alignment)
-        if is_too_long(order.distance, longest_mm):
-            value, limit = f"{order.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
+        if is_too_long(command.distance, longest_mm):
+            value, limit = f"{command.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
             raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
-    place.lathe.jog_by(order.axis, order.distance * counts_per_unit(place.machine, order.axis))
+    place.lathe.jog_by(command.axis, command.distance * counts_per_unit(place.machine, command.axis))
 
 
 def take_jaw(place: StationContext, _: TakeJaw) -> None:
@@ -171,7 +171,7 @@ def take_jaw(place: StationContext, _: TakeJaw) -> None:
     place.tell(alignment=jaw_found(alignment, angle_deg, jaws, place.local_time()))
 
 
-def take_touch_off(place: StationContext, order: TakeTouchOff) -> None:
+def take_touch_off(place: StationContext, command: TakeTouchOff) -> None:
     """The tool tip is at this radius where it stands."""
     _refuse_unless_homed(place)
     snapshot = place.lathe.snapshot()
@@ -180,7 +180,7 @@ def take_touch_off(place: StationContext, order: TakeTouchOff) -> None:
     clamping = place.state.alignment.clamping
     if clamping is None or not over_part(snapshot, place.loaded_machine.machine, clamping.overhang_mm):
         raise SessionError(Problem(code="alignment.beside_part", key="tool"))
-    zero_mm = order.radius_mm + snapshot.tool.position / tool.counts_per_mm
+    zero_mm = command.radius_mm + snapshot.tool.position / tool.counts_per_mm
     if abs(zero_mm - tool.home_radius_mm) > TOUCH_OFF_BAND_MM:
         value = f"R {zero_mm:.3f} mm"
         limit = f"R {tool.home_radius_mm:.3f} ± {TOUCH_OFF_BAND_MM:g} mm"
@@ -244,9 +244,9 @@ def measure(place: StationContext, _: Measure) -> None:
     place.tell(alignment=unclamped(place.state.alignment, place.local_time()))
 
 
-def arm_order(place: StationContext, order: Arm) -> None:
+def arm_order(place: StationContext, command: Arm) -> None:
     """Arm for the job with jaw 1 where it was found."""
-    arm(place, order, aligned_job(order.job, place.state.alignment))
+    arm(place, command, aligned_job(command.job, place.state.alignment))
 
 
 def _refuse_without_drives(place: StationContext) -> None:

@@ -121,13 +121,13 @@ def is_too_long(step_mm: float, longest_mm: float) -> bool:
     return step_mm > longest_mm + STEP_TOLERANCE_MM
 
 
-def overrun(machine: MachineProfile, axis: AxisName, step: float) -> float:
+def stopping_distance(machine: MachineProfile, axis: AxisName, step: float) -> float:
     """Return the longest way from the press of a stop in mid-step to rest, mm or degrees.
 
     The controller obeys a stop once in a background period. Infinite where the axis has no abort rate.
     """
     late_s = (machine.controller.background_ms + LINK_LATENCY_MS) / 1000.0
-    return settings_of(machine, axis).step_overrun(abs(step), late_s)
+    return settings_of(machine, axis).step_stopping_distance(abs(step), late_s)
 
 
 def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:

@@ -75,7 +75,7 @@ class CutProgress:
     speed_rpm: float | None
     tool_radius_mm: float
     infeed_um: float
-    wanted_um: float
+    target_um: float
     tool_error_um: float
     tool_error_peak_um: float
     following_error_um: float
@@ -171,14 +171,14 @@ class CutWatch:
         self._peak_um = self._reached_mm = 0.0
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
-        self._phase_limit_deg = phase_limit_deg(plan.wanted, job.roundness_tolerance_um)
+        self._phase_limit_deg = phase_limit_deg(plan.target, job.roundness_tolerance_um)
 
     def see(self, snapshot: Snapshot, stage: CutStage, holding: bool, speed_rpm: float | None) -> CutProgress:
         """Take a look into account and return the moment that it shows, with the speed of the spindle in it."""
         angle_deg = self._angle_deg(snapshot)
         infeed_um = (snapshot.tool.position - self._plan.setup.surface) * self._machine.tool.count_um
-        wanted_um = float(self._plan.wanted.at_um(angle_deg))
-        error_um = infeed_um - wanted_um
+        target_um = float(self._plan.target.at_um(angle_deg))
+        error_um = infeed_um - target_um
         # A hold takes the tool out while the carriage still stands over the part: what it leaves is not judged.
         self._held = self._held or (holding and is_leaving(error_um, self._peak_um))
         cutting = stage is CutStage.RUN_UP and self._face <= snapshot.carriage.position < self._end
@@ -195,7 +195,7 @@ class CutWatch:
         elif stage is CutStage.RUN_UP and self._poller:
             # A program that somebody else has stopped leaves the tool where it is.
             stage = CutStage.CUT if cutting else CutStage.RETRACT
-        return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, wanted_um)
+        return self._moment(snapshot, stage, holding, speed_rpm, infeed_um, target_um)
 
     def _moment(
         self,
@@ -204,7 +204,7 @@ class CutWatch:
         holding: bool,
         speed_rpm: float | None,
         infeed_um: float,
-        wanted_um: float,
+        target_um: float,
     ) -> CutProgress:
         machine, job = self._machine, self._job
         z_mm = self._done_mm(snapshot, stage)
@@ -222,8 +222,8 @@ class CutWatch:
             speed_rpm=speed_rpm,
             tool_radius_mm=machine.tool.home_radius_mm - snapshot.tool.position / machine.tool.counts_per_mm,
             infeed_um=infeed_um,
-            wanted_um=wanted_um,
-            tool_error_um=infeed_um - wanted_um,
+            target_um=target_um,
+            tool_error_um=infeed_um - target_um,
             tool_error_peak_um=self._peak_um,
             following_error_um=snapshot.tool.following_error * machine.tool.count_um,
             phase=phase,
@@ -255,14 +255,14 @@ class CutWatch:
         self, snapshot: Snapshot, stage: CutStage, speed_rpm: float | None, phase: Phase | None
     ) -> Synchronisation | None:
         plan, in_phase = self._plan, is_in_phase(phase, self._phase_limit_deg)
-        wanted_rpm = plan.spindle_speed_rpm
+        target_rpm = plan.spindle_speed_rpm
         if stage is CutStage.CUT:
-            return in_part(plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, in_phase=in_phase)
+            return in_part(plan.strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, in_phase=in_phase)
         if stage is not CutStage.RUN_UP or not snapshot.program_running:
             return None
         way_um = (snapshot.tool.position - plan.tool_start) * self._machine.tool.count_um
         return before_part(
-            plan.strategy, spindle_rpm=speed_rpm, wanted_rpm=wanted_rpm, begun=abs(way_um) > BEGUN_UM
+            plan.strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, begun=abs(way_um) > BEGUN_UM
         )
 
     def _ripple(self) -> SpindleRipple | None:
@@ -270,7 +270,7 @@ class CutWatch:
         return spindle_ripple(looks, self._machine.spindle.counts_per_rev)
 
     def _phase(self) -> Phase | None:
-        return phase_of(np.array(self._infeeds).reshape(-1, 2), self._plan.wanted) if self._judged else None
+        return phase_of(np.array(self._infeeds).reshape(-1, 2), self._plan.target) if self._judged else None
 
     def _angle_deg(self, snapshot: Snapshot) -> float:
         return 360.0 * snapshot.spindle.position / self._machine.spindle.counts_per_rev
@@ -285,7 +285,7 @@ def _slope(points: list[tuple[float, float]]) -> float:
 
 
 def before_part(
-    strategy: Strategy, *, spindle_rpm: float | None, wanted_rpm: float, begun: bool
+    strategy: Strategy, *, spindle_rpm: float | None, target_rpm: float, begun: bool
 ) -> Synchronisation | None:
     """Return what a program that runs is at, before the part is reached; None where the tool follows no lobe.
 
@@ -294,13 +294,13 @@ def before_part(
     """
     if not strategy.traits.follows_lobe:
         return None
-    at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - wanted_rpm) <= SPEED_BAND * wanted_rpm
+    at_speed = spindle_rpm is not None and abs(abs(spindle_rpm) - target_rpm) <= SPEED_BAND * target_rpm
     waits = strategy.traits.spindle_time and at_speed and not begun
     return Synchronisation.WAITING if waits else Synchronisation.QUEUED
 
 
 def in_part(
-    strategy: Strategy, *, spindle_rpm: float | None, wanted_rpm: float, in_phase: bool | None
+    strategy: Strategy, *, spindle_rpm: float | None, target_rpm: float, in_phase: bool | None
 ) -> Synchronisation | None:
     """Return whether tool and spindle are together in the part; None while that is not known, or without a lobe.
 
@@ -308,7 +308,7 @@ def in_part(
     """
     if not strategy.traits.follows_lobe:
         return None
-    if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * wanted_rpm:
+    if spindle_rpm is not None and abs(spindle_rpm) < STANDS_SHARE * target_rpm:
         return Synchronisation.LOST
     if in_phase is None:
         return None

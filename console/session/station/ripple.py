@@ -78,13 +78,13 @@ def _rounded(count_rad: float) -> float:
     its harmonics, the n-th of 1 / (n pi) counts, are then taken for swings; at the worst the largest for the
     highest order, and so on.
     """
-    worst = sum(order / harmonic for harmonic, order in enumerate(reversed(HANDLERS), start=1))
+    worst = sum(command / harmonic for harmonic, command in enumerate(reversed(HANDLERS), start=1))
     return 2.0 * worst * count_rad / np.pi
 
 
 def _slopes(angle: Floats) -> Floats:
     """Return the slopes of the columns of the fit by the angle; neither mean nor drift swings."""
-    pairs = ((-order * np.sin(order * angle), order * np.cos(order * angle)) for order in HANDLERS)
+    pairs = ((-command * np.sin(command * angle), command * np.cos(command * angle)) for command in HANDLERS)
     none = np.zeros_like(angle)
     return np.column_stack([none, none, *(slope for pair in pairs for slope in pair)])
 

@@ -44,7 +44,7 @@ class Station:
 
     def __init__(self, place: StationContext) -> None:
         self._place = place
-        self._order: Command | None = None
+        self._command: Command | None = None
         self._beat_s: float | None = None
         self._slot = threading.Lock()
         self._link_time = LinkTime()
@@ -127,11 +127,11 @@ class Station:
                 holder = place.state.holder
                 free = Problem(code="owner.free")
                 return self._refuse(Problem(code="owner.observer", value=str(holder)) if holder else free)
-            if place.state.activity not in IDLE or self._order is not None:
+            if place.state.activity not in IDLE or self._command is not None:
                 return self._refuse(Problem(code="session.busy"))
             if place.state.stop is not None and not isinstance(intent, Recover):
                 return self._refuse(Problem(code="session.stopped"))
-            self._order = intent
+            self._command = intent
             return True
 
     def beat(self) -> None:
@@ -141,22 +141,22 @@ class Station:
     def step(self) -> None:
         """Settle a stop, or carry out an order, or take a look. Never raises."""
         with self._slot:
-            order, self._order = self._order, None
+            command, self._command = self._command, None
         try:
-            self._step(order)
+            self._step(command)
         except Exception as fault:
             # The console's own fault; the thread goes on, because nobody else could stop the machine.
             if self.state.controls:
                 self._place.lathe.stop.stop("fault")
             self._place.alarm(_fault_problem(fault))
 
-    def _step(self, order: Command | None) -> None:
+    def _step(self, command: Command | None) -> None:
         if self._stops.gone:
             return
-        if self._place.lathe.stop.reason is not None and not isinstance(order, Recover):
+        if self._place.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
-        elif order is not None:
-            self._carry_out(order)
+        elif command is not None:
+            self._carry_out(command)
         else:
             self._guarded(self._look)
         self._disarm_in_time()
@@ -192,17 +192,17 @@ class Station:
         self._place.tell(refusals=(problem,))
         return False
 
-    def _carry_out(self, order: Command) -> None:
-        activity, work = HANDLERS[type(order)]
+    def _carry_out(self, command: Command) -> None:
+        activity, work = HANDLERS[type(command)]
         place = self._place
         place.end_asked = False
-        if not isinstance(order, Start):
+        if not isinstance(command, Start):
             place.tell(armed=None)  # what was read in the summary may not be so any more
         place.tell(refusals=(), activity=activity if place.state.stop is None else place.state.activity)
-        self._guarded(lambda: self._worked(work, order))
+        self._guarded(lambda: self._worked(work, command))
 
-    def _worked(self, work: Callable[[StationContext, Any], None], order: Command) -> None:
-        work(self._place, order)
+    def _worked(self, work: Callable[[StationContext, Any], None], command: Command) -> None:
+        work(self._place, command)
         self._sight.look_now()
 
     def _look(self) -> None:

@@ -68,7 +68,7 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
     """Return the values of one moment. Only in the part is there a path that the tool should keep to."""
     in_part = cut.judged and cut.stage is CutStage.CUT
     has_peak = cut.judged and cut.stage not in BEFORE_CUT
-    wanted_mm = cut.tool_radius_mm + cut.tool_error_um / 1000.0
+    target_mm = cut.tool_radius_mm + cut.tool_error_um / 1000.0
     speed_rpm = cut.speed_rpm
     lobe_hz = NOTHING if job is None or speed_rpm is None else f"{job.jaws * speed_rpm / 60.0:.1f} Hz"
 
@@ -83,7 +83,7 @@ def live_lines(text: Catalogue, cut: CutProgress, job: Job | None, width: int) -
         row("ripple", _ripple(cut.ripple)),
         row("lobe", lobe_hz),
         row("tool", f"R {cut.tool_radius_mm:.4f} mm"),
-        row("wanted", f"R {wanted_mm:.4f} mm" if in_part else NOTHING),
+        row("wanted", f"R {target_mm:.4f} mm" if in_part else NOTHING),
         row("error", f"{cut.tool_error_um:+z.2f} um" if in_part else NOTHING),
         row("peak", f"{cut.tool_error_peak_um:.2f} um" if has_peak else NOTHING),
         row("following", f"{cut.following_error_um:+z.2f} um"),

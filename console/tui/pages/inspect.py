@@ -225,12 +225,12 @@ class InspectPage(Page):
         sheets = (self._caption, self._result, self._harmonics, self._learn, self._message)
         return tuple(sheet.size for sheet in sheets)
 
-    def _see(self, wanted: Horizontal | Sheet, *, learning: bool) -> None:
+    def _see(self, target: Horizontal | Sheet, *, learning: bool) -> None:
         """Show the numbers, with what they teach, or the message; each needs a layout before it knows its size."""
-        if wanted.display and self._learn.display is learning:
+        if target.display and self._learn.display is learning:
             return
         for each in (self._charts, self._message):
-            each.display = each is wanted
+            each.display = each is target
         self._learn.display = learning
         self.set_class(learning, "-learning")
         if self.is_attached:

@@ -91,10 +91,10 @@ class JobsPage(Page):
     def _read(self) -> None:
         """List the files again; the selection stays on its job, at first it is that in hand."""
         before = self._jobs.entry
-        wanted = before.path if before else self.desk.work.loaded.path if self.desk.work else None
+        target = before.path if before else self.desk.work.loaded.path if self.desk.work else None
         self._entries = list_jobs(jobs_folder(self.desk.data))
         paths = [entry.path for entry in self._entries]
-        place = paths.index(wanted) if wanted in paths else self._selected
+        place = paths.index(target) if target in paths else self._selected
         self._selected = max(min(place, len(paths) - 1), 0)
         self._fresh = True
         self._loaded.clear()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len
 
-from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, overrun
+from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, stopping_distance
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, Piece, clipped, dim, line, ranged, to_the_right, wrapped
 from console.tui.theme import Token
@@ -44,13 +44,13 @@ def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Li
     """Return the jog panel; in little room the picture of the directions goes first, then the overrun."""
     must = [_enable_line(text, jog, width), *_ladder(text, jog)]
     seen = seen_lines(text, jog, width)
-    picture, run_on = _directions(text, jog), [_overrun_line(text, jog)]
-    if len(must) + len(seen) + len(picture) + len(run_on) <= height:
-        spare = height - len(must) - len(seen) - len(picture) - len(run_on)
+    picture, stopping_distance = _directions(text, jog), [_overrun_line(text, jog)]
+    if len(must) + len(seen) + len(picture) + len(stopping_distance) <= height:
+        spare = height - len(must) - len(seen) - len(picture) - len(stopping_distance)
         gaps = [[BLANK] if spare > n else [] for n in range(2)]
-        return [*must, *gaps[0], *picture, *gaps[1], *run_on, *seen]
-    if len(must) + len(seen) + len(run_on) <= height:
-        return [*must, *run_on, *seen]
+        return [*must, *gaps[0], *picture, *gaps[1], *stopping_distance, *seen]
+    if len(must) + len(seen) + len(stopping_distance) <= height:
+        return [*must, *stopping_distance, *seen]
     return clipped([*must, *seen], height, text("panel.more"))
 
 
@@ -110,7 +110,7 @@ def _directions(text: Catalogue, jog: JogView) -> list[Line]:
 
 def _overrun_line(text: Catalogue, jog: JogView) -> Line:
     tool, carriage, spindle = (
-        _rounded_up(overrun(jog.machine, axis, jog.steps.of(axis)), decimals)
+        _rounded_up(stopping_distance(jog.machine, axis, jog.steps.of(axis)), decimals)
         for axis, decimals in ((AxisName.TOOL, 3), (AxisName.CARRIAGE, 3), (AxisName.SPINDLE, 2))
     )
     return (dim(text("align_page.overrun", tool=tool, carriage=carriage, spindle=spindle)),)

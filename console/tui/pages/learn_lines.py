@@ -63,7 +63,7 @@ def is_kept(lesson: PartLearning | None, work: Work | None) -> bool:
 
 def in_scatter(taught: Taught) -> bool:
     """Whether the lobe that is wrong is smaller than what clamping and gauge scatter."""
-    lobe = taught.lesson.next.path.wanted.lobes
+    lobe = taught.lesson.next.path.target.lobes
     wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.waves if each.waves == lobe]
     return max(wrong, default=0.0) < taught.lesson.expected_half_width_um_pp
 
@@ -90,7 +90,7 @@ def armed_words(text: Catalogue, armed: Armed) -> str:
 
 def _half_words(taught: Taught, text: Catalogue) -> str:
     part = taught.lesson.next.part
-    whole_um_pp = 0.0 if part is None else 2.0 * part.wanted.amplitude_um / taught.stage.share
+    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.share
     left = expected(whole_um_pp, taught.stage.share)
     return text("inspect_page.half_left", right=f"{left.right_um_pp:.1f}", wrong=f"{left.wrong_um_pp:.1f}")
 
@@ -99,7 +99,7 @@ def _wave_words(taught: Taught, text: Catalogue) -> str:
     if taught.lesson.reasons:  # nothing is promised of a next part that will not be cut with it
         left = " · ".join(f"{each.waves}/rev {each.left_um_pp:.2f}" for each in taught.waves)
         return text("inspect_page.left", waves=left)
-    lobe = taught.lesson.next.path.wanted.lobes
+    lobe = taught.lesson.next.path.target.lobes
     scatter = f" ± {taught.lesson.expected_half_width_um_pp:.2f}"
     words = [_wave(each, scatter if each.waves == lobe else "", text) for each in taught.waves]
     return text("inspect_page.left", waves=" · ".join(words))

@@ -79,7 +79,7 @@ def roundness_traces(seen: Underway, strategy: Strategy) -> list[PolarTrace]:
 
 def path_series(seen: Underway, strategy: Strategy) -> list[Series]:
     """Return the path that is wanted of the tool tip, and the command of this strategy, um of infeed."""
-    series = [Series(x=_TURN_DEG, y=seen.wanted.at_um(_TURN_DEG), token=Token.WANTED)]
+    series = [Series(x=_TURN_DEG, y=seen.target.at_um(_TURN_DEG), token=Token.WANTED)]
     made = foreseen(seen, strategy)
     if made is not None:
         series.append(Series(x=made.angle_deg, y=made.command_um, token=Token.COMMAND, dashed=True))
@@ -264,12 +264,12 @@ class PreviewPage(Page):
         """The rooms of the texts; a class that was set changes them some time after the resize."""
         return tuple(sheet.size for sheet in (self._caption, self._strategy, self._margins, self._message))
 
-    def _see(self, wanted: Horizontal | Sheet) -> None:
+    def _see(self, target: Horizontal | Sheet) -> None:
         """Show one of the three, which needs a layout before it knows its size."""
-        if wanted.display:
+        if target.display:
             return
         for each in (self._charts, self._program, self._message):
-            each.display = each is wanted
+            each.display = each is target
         if self.is_attached:
             self.call_after_refresh(self._paint)
 

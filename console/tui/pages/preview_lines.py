@@ -287,10 +287,10 @@ def _gain_and_phase(response: Response) -> str:
 
 
 def _inverse(seen: Underway, strategy: Strategy, text: Catalogue) -> str:
-    if not strategy.traits.inverts or seen.wanted.amplitude_um == 0.0:
+    if not strategy.traits.inverts or seen.target.amplitude_um == 0.0:
         return text("preview_page.not_inverted")
     if strategy is not seen.strategy:
         return UNKNOWN
-    factor = seen.command.amplitude_um / seen.wanted.amplitude_um
-    lead_deg = seen.wanted.crest_deg - seen.command.crest_deg
+    factor = seen.command.amplitude_um / seen.target.amplitude_um
+    lead_deg = seen.target.crest_deg - seen.command.crest_deg
     return text("preview_page.inverted", factor=f"{factor:.3f}", lead=f"{lead_deg:.1f}")

@@ -13,8 +13,8 @@ from drivers.commissioning.judged import Judged
 from drivers.commissioning.rules_of_motors import LOBE_AMPLITUDE_UM, LOBE_FREQUENCY_HZ
 from drivers.pmac import reserved
 from drivers.pmac.axes import AxisDefinition, read_definitions
-from drivers.pmac.heartbeat.lease import lease_condition
 from drivers.pmac.heartbeat.plc import Policy
+from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
 from profiles.machine import MachineProfile
 
@@ -128,10 +128,10 @@ class _Writer:
         self._mean = format_number(_mean(machine, tool))
         self._begin = format_number(carriage.counts)
         self._speed = carriage.direction * self._cut.carriage
-        self._lease = "" if policy is Policy.FINISH else f" AND {lease_condition(judged.dialect)}"
+        self._lease = "" if policy is Policy.FINISH else f" AND {watchdog_condition(judged.dialect)}"
 
     def lines(self) -> Iterator[str]:
-        flag = f"M{reserved.HOLD_FLAG}"
+        flag = f"M{reserved.END_FLAG}"
         yield from (f"OPEN PROG{PROGRAM}", "CLEAR", "ABS", f"{flag}=0", "P25=0", "P26=0", "P28=0")
         yield f"PVT{HALF_RUN_UP_MS} ; the spindle runs up"
         yield self._point(self._out, format_number(HALF_RUN_UP_MS / 6.0), 0.5)

@@ -15,9 +15,9 @@ from drivers.commissioning.stop_record import Origin, StopEntry, Way
 from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
 from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.pmac.analysis.units import unit_of
-from drivers.pmac.heartbeat.lease import LEASE_MS
-from drivers.pmac.heartbeat.proof import LeaseProof, proof_problems
+from drivers.pmac.heartbeat.proof import WatchdogProof, proof_problems
 from drivers.pmac.heartbeat.watch import Look, rest_s
+from drivers.pmac.heartbeat.watchdog import WATCHDOG_MS
 
 MOVED_COUNTS = 1.0
 """What does not go further than this behind a stop has not moved before."""
@@ -39,7 +39,7 @@ class SeenStop:
     as_meant: bool
     origin: Origin = Origin.JOG
     lobe: tuple[float, float] | None = None
-    lease: LeaseProof | None = None
+    watchdog: WatchdogProof | None = None
 
     def counts(self, axis: JudgedAxis) -> float:
         """Return how far an axis was seen from where it was in front of the stop."""
@@ -62,8 +62,8 @@ def stop_entries(judged: Judged, seen: SeenStop) -> tuple[StopEntry, ...]:
 
 def stop_checks(judged: Judged, seen: SeenStop) -> Iterator[Check]:
     """Say how far the axes went, against what was computed; behind the first loss of a lease, how soon it told."""
-    if seen.lease is not None and seen.origin is Origin.JOG:
-        yield _lease_check(seen.lease)
+    if seen.watchdog is not None and seen.origin is Origin.JOG:
+        yield _watchdog_check(seen.watchdog)
     machine, found, wanted, holds = judged.machine, [], [], seen.as_meant
     for axis in judged.driven_axes:
         counts = seen.counts(axis)
@@ -89,8 +89,8 @@ def bound_counts(judged: Judged, axis: JudgedAxis, way: Way, origin: Origin, lat
             return after_abort(jog_settings_of(judged, axis).speed, judged.of_motor(axis, 15), late_ms).counts
         case Way.ABORT, Origin.CUT:
             return _of_cut(judged, axis, late_ms)
-        case Way.LEASE, Origin.JOG:
-            return after_jog_stop(jog_settings_of(judged, axis), LEASE_MS + late_ms).counts
+        case Way.WATCHDOG, Origin.JOG:
+            return after_jog_stop(jog_settings_of(judged, axis), WATCHDOG_MS + late_ms).counts
         case _:
             return math.inf
 
@@ -104,9 +104,9 @@ def _of_cut(judged: Judged, axis: JudgedAxis, late_ms: float) -> float:
     return after_abort(speed, rate, late_ms).counts
 
 
-def _lease_check(found: LeaseProof) -> Check:
+def _watchdog_check(found: WatchdogProof) -> Check:
     ended = "-" if found.ended_s is None else f"{digits(found.ended_s)} s"
-    return proof("lease", holds=not proof_problems(found), found=ended, wanted=f"<= {LEASE_MS / 1000.0:g} s")
+    return proof("lease", holds=not proof_problems(found), found=ended, wanted=f"<= {WATCHDOG_MS / 1000.0:g} s")
 
 
 def _entry(judged: Judged, axis: JudgedAxis, seen: SeenStop) -> StopEntry:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
 from drivers.commissioning.proofs.bench import REASON, TestRig
-from drivers.commissioning.proofs.leased import TRIES, Leased
+from drivers.commissioning.proofs.guarded import TRIES, Guarded
 from drivers.commissioning.proofs.stop_results import SeenStop, seen_speed, speed_of, stop_checks, stop_entries
 from drivers.commissioning.reading import ask_or_none
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
@@ -22,10 +22,10 @@ from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.link.base import StopWay
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED
-from drivers.pmac.heartbeat.lease import SERVO_PERIOD, SYSTEM
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.proof import kept, withhold
 from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, rests
+from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
 from profiles.problem import Problem
@@ -55,10 +55,10 @@ def past_a_question(bench: TestRig, press: Callable[[str], None]) -> bool:
 AT_SPEED_S = 0.1
 """What a motion goes on at its full speed before it is stopped."""
 
-REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.LEASE: 15.0}
+REST_LIMIT_S = {Way.ABORT: 15.0, Way.KILL: 60.0, Way.WATCHDOG: 15.0}
 """How long rest is waited for; behind a control-K the spindle runs out."""
 
-ORDER = (Way.LEASE, Way.ABORT, Way.KILL)
+ORDER = (Way.WATCHDOG, Way.ABORT, Way.KILL)
 """The lease first: it ends what does not obey a control character that nobody has tried on this card yet."""
 
 OBEY_LIMIT_S = 0.6
@@ -98,7 +98,7 @@ def prove_stops(bench: TestRig) -> MeasuredStops:
         failed = Check(group=Group.PROOFS, code="proof_lease", severity=Severity.REFUSAL, found=found, wanted="-")
         return MeasuredStops(checks=(failed,))
     (i10,) = bench.client.numbers(f"I{SERVO_PERIOD}", again=True)
-    axes = Leased(bench=bench, i10=i10)
+    axes = Guarded(bench=bench, i10=i10)
     axes.close()
     axes.home()
     loaded = _load(bench, axes)
@@ -109,7 +109,7 @@ def prove_stops(bench: TestRig) -> MeasuredStops:
             _unload(bench)
 
 
-def _all(bench: TestRig, axes: Leased, origins: tuple[Origin, ...]) -> MeasuredStops:
+def _all(bench: TestRig, axes: Guarded, origins: tuple[Origin, ...]) -> MeasuredStops:
     needed = {(way, origin) for way, origin, _ in needed_stops(bench.judged.machine)}
     entries: list[StopEntry] = []
     checks: list[Check] = []
@@ -124,7 +124,7 @@ def _all(bench: TestRig, axes: Leased, origins: tuple[Origin, ...]) -> MeasuredS
     return MeasuredStops(entries=tuple(entries), checks=tuple(checks))
 
 
-def _load(bench: TestRig, axes: Leased) -> bool:
+def _load(bench: TestRig, axes: Guarded) -> bool:
     """Enter the cut in air, unless somebody's program is there; return whether it was entered."""
     if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
         return False
@@ -138,7 +138,7 @@ def _unload(bench: TestRig) -> None:
         bench.give_back(f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
 
 
-def _measured(bench: TestRig, axes: Leased, way: Way, origin: Origin) -> SeenStop:
+def _measured(bench: TestRig, axes: Guarded, way: Way, origin: Origin) -> SeenStop:
     """Move, stop, and look on; begun anew when this host was held up and the card has ended the motion before.
 
     Raises:
@@ -149,10 +149,10 @@ def _measured(bench: TestRig, axes: Leased, way: Way, origin: Origin) -> SeenSto
         bench.move(line)
         before, at_speed = _at_speed(bench, axes, origin, kept_s)
         if not before.lost:
-            seen = _silence(bench, axes, before) if way is Way.LEASE else _press(bench, axes, way, before)
+            seen = _silence(bench, axes, before) if way is Way.WATCHDOG else _press(bench, axes, way, before)
             lobe = lobe_ends(bench.judged.machine, axes.begin("tool")) if origin is Origin.CUT else None
             return replace(seen, origin=origin, lobe=lobe, as_meant=seen.as_meant and at_speed)
-        _until_rest(axes, (before,), REST_LIMIT_S[Way.LEASE])
+        _until_rest(axes, (before,), REST_LIMIT_S[Way.WATCHDOG])
         bench.tell(f"{NOTHING_GUARDED} {LOSS_SEEN}")
         axes.close()
         axes.back()
@@ -160,7 +160,7 @@ def _measured(bench: TestRig, axes: Leased, way: Way, origin: Origin) -> SeenSto
     raise DriverError(Problem(code="heartbeat.lapsed", where=bench.client.link.address))
 
 
-def _begin(bench: TestRig, axes: Leased, origin: Origin) -> tuple[str, float]:
+def _begin(bench: TestRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
     """Return the line that begins a motion, and how long it is kept up, s."""
     machine, keeper = bench.judged.machine, axes.keeper
     if origin is Origin.JOG:
@@ -174,7 +174,7 @@ def _begin(bench: TestRig, axes: Leased, origin: Origin) -> tuple[str, float]:
     return f"{line} {start}", air_cut(machine).full_speed_s + AT_SPEED_S
 
 
-def _at_speed(bench: TestRig, axes: Leased, origin: Origin, kept_s: float) -> tuple[Look, bool]:
+def _at_speed(bench: TestRig, axes: Guarded, origin: Origin, kept_s: float) -> tuple[Look, bool]:
     """Keep a motion up until it is seen at its speed; return the last look, and whether it was."""
     for _ in range(LOOKS_FOR_SPEED):
         looks = kept(axes.watch, axes.keeper, kept_s, bench.stop.check)
@@ -189,20 +189,20 @@ def _at_speed(bench: TestRig, axes: Leased, origin: Origin, kept_s: float) -> tu
     return looks[-1], at_speed
 
 
-def _silence(bench: TestRig, axes: Leased, before: Look) -> SeenStop:
-    found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.LEASE])
+def _silence(bench: TestRig, axes: Guarded, before: Look) -> SeenStop:
+    found = withhold(axes.watch, before, bench.stop.stop, REST_LIMIT_S[Way.WATCHDOG])
     bench.moving = found.at_rest_s is None
     return SeenStop(
-        way=Way.LEASE,
+        way=Way.WATCHDOG,
         pressed_s=before.asked_s,
         late_ms=0.0,
         looks=found.looks,
         as_meant=found.at_rest_s is not None,
-        lease=found,
+        watchdog=found,
     )
 
 
-def _press(bench: TestRig, axes: Leased, way: Way, before: Look) -> SeenStop:
+def _press(bench: TestRig, axes: Guarded, way: Way, before: Look) -> SeenStop:
     """Stop by a control character, and take that stop back when all rests; one of somebody else stays."""
     stop = bench.stop
     earlier = stop.mark or 0
@@ -232,7 +232,7 @@ def _press(bench: TestRig, axes: Leased, way: Way, before: Look) -> SeenStop:
     )
 
 
-def _until_obeyed(axes: Leased, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
+def _until_obeyed(axes: Guarded, way: Way, before: Look) -> tuple[tuple[Look, ...], bool]:
     """Look on until every motor does what the stop says; return the looks, and whether they all did."""
     wanted = {"open_loop"} if way is Way.KILL else {"abort_deceleration", "desired_velocity_zero"}
     watch, looks = axes.watch, [before]
@@ -247,7 +247,7 @@ def _until_obeyed(axes: Leased, way: Way, before: Look) -> tuple[tuple[Look, ...
     return tuple(looks), False
 
 
-def _until_rest(axes: Leased, before: tuple[Look, ...], limit_s: float) -> tuple[Look, ...]:
+def _until_rest(axes: Guarded, before: tuple[Look, ...], limit_s: float) -> tuple[Look, ...]:
     watch, looks = axes.watch, list(before)
     began_s = watch.clock.now_s()
     while not rests(looks) and (passed_s := watch.clock.now_s() - began_s) < limit_s:

@@ -9,7 +9,7 @@ from drivers.cutting.strategies.traits import Made, Planning, Traits
 
 
 def _made(planning: Planning) -> Made:
-    return by_pvt(planning, replace(planning.wanted, amplitude_um=0.0))
+    return by_pvt(planning, replace(planning.target, amplitude_um=0.0))
 
 
 TRAITS = Traits(make=_made, follows_lobe=False)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class Planning:
     """What is planned: a job on a machine, the place of the cut, and the path that the part wants.
 
-    `command` is what the tool is told: the inverse of `wanted` where the strategy inverts the servo, else `wanted`
+    `command` is what the tool is told: the inverse of `target` where the strategy inverts the servo, else `target`
     itself. `ts_ms` is the TS that was asked for, in whole ms. A cut that is `trimmed` listens to the host while it
     cuts.
     """
@@ -33,7 +33,7 @@ class Planning:
     machine: MachineProfile
     dialect: Dialect
     setup: CutSetup
-    wanted: LobedPath
+    target: LobedPath
     command: LobedPath
     ts_ms: int | None = None
     trimmed: bool = False

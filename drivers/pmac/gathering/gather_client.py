@@ -71,11 +71,11 @@ class DataGathering:
             GatherError: no such motor or register, or a scale of 0.
             DriverError: the card does not answer, or not with numbers.
         """
-        wanted = [self._motor_and_quantity(name) for name in names]
+        target = [self._motor_and_quantity(name) for name in names]
         index = self.dialect.motor_index
-        motors = sorted({motor for motor, _ in wanted})
+        motors = sorted({motor for motor, _ in target})
         settings = self._read(index(motor, number) for motor in motors for number in SCALE_NUMBERS)
-        return tuple(motor_channel(quantity, motor, settings, self.dialect) for motor, quantity in wanted)
+        return tuple(motor_channel(quantity, motor, settings, self.dialect) for motor, quantity in target)
 
     def prepare(self, channels: Sequence[GatherChannel], samples: int, period_cycles: int = 1) -> GatherPlan:
         """Set the card up and reserve its buffer; what it held before is lost.
@@ -137,9 +137,9 @@ class DataGathering:
             GatherError: an answer that is no number.
             DriverError: the card does not answer.
         """
-        wanted = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
-        texts = self.client.query(*(f"I{index}" for index in wanted), timeout_s=self.timeout_s)
-        return all(self._number(index, text) == wanted[index] for index, text in zip(wanted, texts, strict=True))
+        target = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
+        texts = self.client.query(*(f"I{index}" for index in target), timeout_s=self.timeout_s)
+        return all(self._number(index, text) == target[index] for index, text in zip(target, texts, strict=True))
 
     def fetch(self, plan: GatherPlan) -> GatheredData:
         """Return what was gathered, at most the samples of the plan; fewer, when it was stopped before.
@@ -187,9 +187,9 @@ class DataGathering:
 
     def _confirm(self, plan: GatherPlan) -> None:
         """Make sure that the card is set up as the plan says."""
-        wanted = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
-        found = self._read([*wanted, _SERVO_TIME])
-        for index, value in wanted.items():
+        target = gather_settings([channel.source for channel in plan.channels], plan.period_cycles, self.dialect)
+        found = self._read([*target, _SERVO_TIME])
+        for index, value in target.items():
             if found[index] != value:
                 met = f"{self._where}: I{index} is {found[index]:g}, {value} was set"
                 raise GatherError(f"{met}; somebody else sets up gathering: begin anew when it is done")

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat.lease import Activity, lease_timer
 from drivers.pmac.heartbeat.plc import Policy, plc_lines
 from drivers.pmac.heartbeat.reading import PERMISSION, HeartbeatLook
 from drivers.pmac.heartbeat.registers import definitions
+from drivers.pmac.heartbeat.watchdog import Activity, watchdog_timer
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.plc_statements import parse_plc_line
@@ -76,21 +76,21 @@ def _text(look: HeartbeatLook, machine: MachineProfile, dialect: Dialect, policy
     if look.listing is None:
         yield Problem(code="heartbeat.plc_missing", key=PLC)
         return
-    wanted = list(_statements(plc_lines(machine, dialect, policy)))
+    target = list(_statements(plc_lines(machine, dialect, policy)))
     try:
         found = list(_statements(look.listing))
     except PmacError as unreadable:
         yield Problem(code="heartbeat.plc_differs", key=PLC, value=unreadable.detail, limit=policy)
         return
-    if found == wanted:
+    if found == target:
         return
-    longest = max(len(found), len(wanted))
-    place = next(n for n in range(longest) if found[n : n + 1] != wanted[n : n + 1])
+    longest = max(len(found), len(target))
+    place = next(n for n in range(longest) if found[n : n + 1] != target[n : n + 1])
     yield Problem(
         code="heartbeat.plc_differs",
         key=f"{PLC}:{place + 1}",
         value=_written(found[place : place + 1]),
-        limit=_written(wanted[place : place + 1]),
+        limit=_written(target[place : place + 1]),
     )
 
 
@@ -104,21 +104,21 @@ def _written(statements: Sequence[PlcStatement]) -> str:
 
 
 def _definitions(look: HeartbeatLook, machine: MachineProfile, dialect: Dialect) -> Iterator[Problem]:
-    for number, wanted in definitions(machine, dialect).items():
+    for number, target in definitions(machine, dialect).items():
         said = look.definitions.get(number, "").rpartition("->")[2].strip()
-        if not _points_at(said, wanted, dialect):
+        if not _points_at(said, target, dialect):
             yield Problem(
                 code="heartbeat.definition_differs",
                 key=f"M{number}",
                 value=said or "-",
-                limit="*" if wanted is None else str(wanted),
+                limit="*" if target is None else str(target),
             )
 
 
-def _points_at(said: str, wanted: Pointer | None, dialect: Dialect) -> bool:
+def _points_at(said: str, target: Pointer | None, dialect: Dialect) -> bool:
     scanner = Scanner(said)
     try:
-        return scan_pointer(scanner, dialect.highest_address) == wanted and scanner.at_end
+        return scan_pointer(scanner, dialect.highest_address) == target and scanner.at_end
     except PmacError:
         return False
 
@@ -135,19 +135,19 @@ def _lease(look: HeartbeatLook, dialect: Dialect) -> Iterator[Problem]:
     if look.activity:
         return
     before, after = look.pulses
-    counted, name = before.lease - after.lease, lease_timer(dialect).name
+    counted, name = before.watchdog - after.watchdog, watchdog_timer(dialect).name
     if counted <= 0.0:
         yield Problem(
             code="heartbeat.lease_stands",
             key=name,
-            value=format_number(after.lease),
-            limit=f"< {format_number(before.lease)}",
+            value=format_number(after.watchdog),
+            limit=f"< {format_number(before.watchdog)}",
         )
         return
     cycle_s = servo_cycle_ms(look.i10) / 1000.0
     least = (1.0 - RATE_TOLERANCE) * (after.asked_s - before.answered_s) / cycle_s
     most = (1.0 + RATE_TOLERANCE) * (after.answered_s - before.asked_s) / cycle_s
-    slow = counted < least and after.lease > 0.0  # at 0 it is kept from counting on
+    slow = counted < least and after.watchdog > 0.0  # at 0 it is kept from counting on
     if slow or counted > most:
         yield Problem(
             code="heartbeat.lease_rate",

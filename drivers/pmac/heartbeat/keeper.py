@@ -8,8 +8,8 @@ from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat import registers
 from drivers.pmac.heartbeat.arming import silent
-from drivers.pmac.heartbeat.lease import LEASE_MS, PERIOD_MS, Activity, cycles_of, lease_line
 from drivers.pmac.heartbeat.plc import GRACE_MS, RUN_DOWN_MS
+from drivers.pmac.heartbeat.watchdog import PERIOD_MS, WATCHDOG_MS, Activity, cycles_of, watchdog_line
 from drivers.pmac.language.text import format_number
 from profiles.problem import Problem
 
@@ -28,31 +28,31 @@ TIMEOUT_S = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Keeper:
-    """The lease of a controller whose I10 is `i10`. `leased_at_s` is when the last was sent, host's time."""
+    """The lease of a controller whose I10 is `i10`. `renewed_at_s` is when the last was sent, host's time."""
 
     dialect: Dialect
     i10: float
-    leased_at_s: float | None = None
+    renewed_at_s: float | None = None
 
     @property
     def line(self) -> str:
         """The line that renews the lease."""
-        return lease_line(self.dialect, self.i10)
+        return watchdog_line(self.dialect, self.i10)
 
     def due_s(self, now_s: float) -> float:
         """Return when the next renewal is to be sent."""
-        return now_s if self.leased_at_s is None else self.leased_at_s + PERIOD_MS / 1000.0
+        return now_s if self.renewed_at_s is None else self.renewed_at_s + PERIOD_MS / 1000.0
 
     def lapsed(self, now_s: float) -> bool:
         """Whether the last lease has run out: what it guarded was ended, and a new one brings nothing back.
 
         A host that finds this, after a stall of its own, looks at the machine instead of renewing.
         """
-        return self.leased_at_s is None or now_s - self.leased_at_s >= LEASE_MS / 1000.0
+        return self.renewed_at_s is None or now_s - self.renewed_at_s >= WATCHDOG_MS / 1000.0
 
     def renewed(self, now_s: float) -> Keeper:
         """Note that `line`, or a line that begins with a lease, is being sent now."""
-        return replace(self, leased_at_s=now_s)
+        return replace(self, renewed_at_s=now_s)
 
     def jog_line(self) -> str:
         """Return what stands in front of a jog or a home search, on its line."""

@@ -15,14 +15,14 @@ from enum import StrEnum
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat import registers as r
-from drivers.pmac.heartbeat.lease import (
+from drivers.pmac.heartbeat.watchdog import (
     MARGIN_MS,
     SERVO_PERIOD,
     SYSTEM,
     Activity,
     cycles_of,
-    lease_timer,
     wait_timer,
+    watchdog_timer,
 )
 from drivers.pmac.language.plc_statements import parse_plc_line, stored_lines
 from drivers.pmac.language.text import format_plc_line
@@ -98,18 +98,18 @@ class _Writer:
         self._machine = machine
         self._policy = policy
         self._motors = r.motors(machine)
-        self._lease, self._timer = lease_timer(dialect).name, wait_timer(dialect).name
+        self._lease, self._timer = watchdog_timer(dialect).name, wait_timer(dialect).name
         self._i10 = settings_with(machine.controller.variables, dialect)[SERVO_PERIOD]
 
     def lines(self) -> Iterator[str]:
-        lease, activity, lost = self._lease, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
-        yield f"; policy {self._policy}: {lease} is the lease, {activity} what it guards: 1 a jog, 2 a cut"
+        watchdog, activity, lost = self._lease, f"P{reserved.ACTIVITY}", f"P{reserved.LOST}"
+        yield f"; policy {self._policy}: {watchdog} is the lease, {activity} what it guards: 1 a jog, 2 a cut"
         yield f"{self._echo} ; the host sees that this runs"
         yield f"P{r.ENDING}=0 ; nothing is being ended"
-        yield f"IF({lease}<0)"
-        yield f"{lease}=0 ; it would count on down, and roll over some day"
+        yield f"IF({watchdog}<0)"
+        yield f"{watchdog}=0 ; it would count on down, and roll over some day"
         yield "ENDIF"
-        yield f"IF({activity}>0 AND {lease}<{self._cycles(MARGIN_MS) + 1}) ; the host is silent"
+        yield f"IF({activity}>0 AND {watchdog}<{self._cycles(MARGIN_MS) + 1}) ; the host is silent"
         yield f"{lost}={activity}"
         yield f"{activity}=0 ; so this comes once"
         yield f"P{r.ENDING}=1"
@@ -168,7 +168,7 @@ class _Writer:
 
     def _end_cut(self) -> Iterator[str]:
         if self._policy is Policy.RETRACT:
-            yield f"M{reserved.HOLD_FLAG}=1 ; end at the end of this turn"
+            yield f"M{reserved.END_FLAG}=1 ; end at the end of this turn"
             yield f"{self._timer}=P{r.GRACE}+P{r.RUN_DOWN}"
             left = f"{self._timer}>P{r.RUN_DOWN} OR {self._timer}>0 AND {self._tool_counts}!>{self._nearly_out}"
             yield from self._wait(self._busy, left)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
-from drivers.pmac.heartbeat.lease import LEASE_MS, PERIOD_MS
 from drivers.pmac.heartbeat.watch import LOOK_EVERY_S, Look, Watch, rest_s, rests
+from drivers.pmac.heartbeat.watchdog import PERIOD_MS, WATCHDOG_MS
 from profiles.problem import Problem
 
 GIVE_UP_S = 0.6
@@ -20,7 +20,7 @@ Stop = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeaseProof:
+class WatchdogProof:
     """What was seen, in s behind the last lease; None: it did not come about.
 
     The end came between `still_going_s`, of the last look without it, and `ended_s`, of the first one with it.
@@ -53,7 +53,7 @@ def kept(watch: Watch, keeper: Keeper, kept_s: float, check: Callable[[], None])
     return earlier, watch.look()
 
 
-def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_LIMIT_S) -> LeaseProof:
+def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_LIMIT_S) -> WatchdogProof:
     """Look on without a lease until everything has come to rest; `before` was made just behind the last one.
 
     Raises:
@@ -71,7 +71,7 @@ def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_
     going = [look for look in looks if not look.lost]
     ended = next((look for look in looks if look.lost), None)
     rested_s = rest_s(looks) if ended is not None else None
-    return LeaseProof(
+    return WatchdogProof(
         still_going_s=going[-1].asked_s - last_s if going else 0.0,
         ended_s=None if ended is None else ended.answered_s - last_s,
         at_rest_s=None if rested_s is None else rested_s - last_s,
@@ -79,9 +79,9 @@ def withhold(watch: Watch, before: Look, stop: Stop, rest_limit_s: float = REST_
     )
 
 
-def proof_problems(proof: LeaseProof) -> tuple[Problem, ...]:
+def proof_problems(proof: WatchdogProof) -> tuple[Problem, ...]:
     """Return what the proof has not shown. Only what is surely late is called so."""
-    allowed_s = LEASE_MS / 1000.0
+    allowed_s = WATCHDOG_MS / 1000.0
     limit = f"<= {allowed_s:g} s"
     if proof.ended_s is None:
         return (Problem(code="heartbeat.not_ended", value=f"{proof.still_going_s:.2f} s", limit=limit),)

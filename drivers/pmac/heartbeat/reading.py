@@ -11,8 +11,8 @@ from drivers.errors import ControllerError
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat import registers
-from drivers.pmac.heartbeat.lease import SERVO_PERIOD, lease_line, lease_timer
 from drivers.pmac.heartbeat.registers import definitions
+from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, watchdog_line, watchdog_timer
 from drivers.pmac.language.errors import ErrorCode
 from profiles.machine import MachineProfile
 
@@ -35,7 +35,7 @@ class Pulse:
     asked_s: float
     answered_s: float
     echo: float
-    lease: float
+    watchdog: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +68,7 @@ def read_heartbeat(client: Controller, clock: Clock, machine: MachineProfile, di
     found = _read_definitions(client, tuple(definitions(machine, dialect)))
     listing = _read_listing(client)
     if not activity:
-        client.request(lease_line(dialect, i10))
+        client.request(watchdog_line(dialect, i10))
     first = _pulse(client, clock, dialect)
     clock.wait(BETWEEN_PULSES_S)
     return HeartbeatLook(
@@ -102,5 +102,5 @@ def _read_listing(client: Controller) -> tuple[str, ...] | None:
 
 def _pulse(client: Controller, clock: Clock, dialect: Dialect) -> Pulse:
     asked_s = clock.now_s()
-    echo, lease = client.numbers(f"P{reserved.ECHO}", lease_timer(dialect).name, again=True)
-    return Pulse(asked_s=asked_s, answered_s=clock.now_s(), echo=echo, lease=lease)
+    echo, watchdog = client.numbers(f"P{reserved.ECHO}", watchdog_timer(dialect).name, again=True)
+    return Pulse(asked_s=asked_s, answered_s=clock.now_s(), echo=echo, watchdog=watchdog)

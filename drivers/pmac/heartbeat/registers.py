@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat.lease import SYSTEM, lease_timer, wait_timer
+from drivers.pmac.heartbeat.watchdog import SYSTEM, wait_timer, watchdog_timer
 from drivers.pmac.memory import Pointer
 from profiles.machine import MachineProfile
 
@@ -49,8 +49,8 @@ def motors(machine: MachineProfile) -> dict[int, int]:
 def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer | None]:
     """Return what each M-variable of the heartbeat points at; None: it is a plain value."""
     tool, spindle = machine.tool.motor, machine.spindle.motor
-    found: dict[int, Pointer | None] = {reserved.HOLD_FLAG: None}
-    for timer in (lease_timer(dialect), wait_timer(dialect)):
+    found: dict[int, Pointer | None] = {reserved.END_FLAG: None}
+    for timer in (watchdog_timer(dialect), wait_timer(dialect)):
         if timer.pointer is not None:
             found[int(timer.name[1:])] = timer.pointer
     found[RUNNING] = _system_bit(dialect, "running_program")

@@ -11,8 +11,8 @@ from drivers.errors import LinkError
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.heartbeat.keeper import Keeper
-from drivers.pmac.heartbeat.lease import SYSTEM
 from drivers.pmac.heartbeat.registers import ENDING
+from drivers.pmac.heartbeat.watchdog import SYSTEM
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 

@@ -34,8 +34,8 @@ _UNITS_PER_COUNT = UNITS_PER_MS // _SCALE
 
 def nearest_factor(counts_per_ms: float) -> int:
     """Return the whole scale factor whose real-time input frequency is nearest to a frequency, counts/ms."""
-    wanted = _SCALE / counts_per_ms
-    below = min(max(1, int(wanted)), WIDEST_UNITS - 1)
+    target = _SCALE / counts_per_ms
+    below = min(max(1, int(target)), WIDEST_UNITS - 1)
     return min((below, below + 1), key=lambda factor: abs(_SCALE / factor - counts_per_ms))
 
 

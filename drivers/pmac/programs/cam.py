@@ -16,7 +16,7 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.programs.cam_table import Cam
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
 from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S
-from drivers.pmac.programs.setup import END_MARKS, HOLD_FLAG, SERVO, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import END_FLAG, END_MARKS, SERVO, CutSetup, refuse_endless
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -103,7 +103,7 @@ def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]
         "turns": setup.whole_turns,
         "turn": number(turn_ms / segment_ms),
         "segment": segment_ms,
-        "flag": HOLD_FLAG,
+        "flag": END_FLAG,
         "end_marks": END_MARKS,
         "go_on": setup.go_on,
     }

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import END_MARKS, HOLD_FLAG, CutSetup
+from drivers.pmac.programs.setup import END_FLAG, END_MARKS, CutSetup
 from drivers.pmac.trajectory.linear import Limits, LinearMove, effective_timing
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -84,7 +84,7 @@ def paper_program(job: Job, machine: MachineProfile, setup: CutSetup, ts_ms: int
         "retract_turn": number(RETRACT_MS / used_ms),
         "slow": RUN_UP_MS,
         "slow_ts": RUN_UP_MS // 4,
-        "flag": HOLD_FLAG,
+        "flag": END_FLAG,
         "end_marks": END_MARKS.replace(" ; ", " ; ours: "),
         "go_on": setup.go_on,
         "program": PROGRAM_NUMBER,

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.setup import END_MARKS, HOLD_FLAG, CutSetup, refuse_endless
+from drivers.pmac.programs.setup import END_FLAG, END_MARKS, CutSetup, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
@@ -154,9 +154,9 @@ def point_scales(step_rad: float) -> PointScales:
     positions = from_start * np.cos(phase) + (1.0 - from_start) * np.cos(phase + step_rad)
     slopes = (u**3 - 2.0 * u**2 + u) * np.sin(phase) + (u**3 - u**2) * np.sin(phase + step_rad)
     basis = np.stack([positions.ravel(), (-step_rad * slopes).ravel()], axis=1)
-    wanted = np.cos(phase + step_rad * u).ravel()
-    scales = np.linalg.lstsq(basis, wanted, rcond=None)[0]
-    error = float(np.abs(basis @ scales - wanted).max())
+    target = np.cos(phase + step_rad * u).ravel()
+    scales = np.linalg.lstsq(basis, target, rcond=None)[0]
+    error = float(np.abs(basis @ scales - target).max())
     return PointScales(position=float(scales[0]), velocity=float(scales[1]), error=error)
 
 
@@ -263,7 +263,7 @@ def path_values(
         "out_ms": timing.retract_segments * timing.segment_ms,
         "approach": timing.approach_ms,
         "segment": timing.segment_ms,
-        "flag": HOLD_FLAG,
+        "flag": END_FLAG,
         "end_marks": END_MARKS,
         "go_on": setup.go_on,
     }

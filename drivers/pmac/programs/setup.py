@@ -15,7 +15,7 @@ APPROACH_MM = 0.5
 MOST_MOVES = 100_000
 """Moves of a cut that are planned and checked; more would be hours at the lathe."""
 
-HOLD_FLAG = "M26"
+END_FLAG = "M26"
 """What a host sets to 1 to end a cut before its time, at the end of a turn; every program looks at it."""
 
 TURNS_CUT, FINISHED = "P43", "P44"
@@ -46,8 +46,8 @@ class CutSetup:
     towards the work. `carriage_start` is clear of the part, `carriage_counts` the way from there to the end of
     the cut, `carriage_middle` the middle of what is cut. `spindle_start` is where the spindle stands when the
     program begins, in counts from its index.
-    `lease` is a condition of the controller's language that has to hold for the cut to go on, such as that a timer
-    of a host has not run out; empty is without.
+    `watchdog` is a condition of the controller's language that has to hold for the cut to go on, such as that a
+    timer of a host has not run out; empty is without.
     """
 
     surface: float
@@ -60,12 +60,12 @@ class CutSetup:
     spindle_start: float
     counts_per_turn: int
     tool_count_um: float
-    lease: str = ""
+    watchdog: str = ""
 
     @property
     def go_on(self) -> str:
         """What a program looks at before each turn: nobody holds the cut, and the lease has not run out."""
-        return f"{HOLD_FLAG}=0" + (f" AND {self.lease}" if self.lease else "")
+        return f"{END_FLAG}=0" + (f" AND {self.watchdog}" if self.watchdog else "")
 
     @property
     def turns(self) -> float:
@@ -89,7 +89,7 @@ class CutSetup:
 
 
 def cut_setup(
-    job: Job, machine: MachineProfile, spindle_start: float = 0.0, lease: str = "", *, air_mm: float = 0.0
+    job: Job, machine: MachineProfile, spindle_start: float = 0.0, watchdog: str = "", *, air_mm: float = 0.0
 ) -> CutSetup:
     """Place a job on a machine by the machine's own geometry: tool radius at home, jaw faces, overhang.
 
@@ -110,7 +110,7 @@ def cut_setup(
         spindle_start=spindle_start,
         counts_per_turn=machine.spindle.counts_per_rev,
         tool_count_um=tool.count_um,
-        lease=lease,
+        watchdog=watchdog,
     )
 
 

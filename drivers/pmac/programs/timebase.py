@@ -66,8 +66,8 @@ class SpindleClock:
 def spindle_clock(job: Job, machine: MachineProfile, dialect: Dialect) -> SpindleClock:
     """Return the time base of a job, behind the lines that the factory has put into the conversion table."""
     turn_counts = machine.spindle.counts_per_rev
-    wanted = _spindle_counts_per_ms(job, machine)
-    factor = nearest_factor(wanted)
+    target = _spindle_counts_per_ms(job, machine)
+    factor = nearest_factor(target)
     counts_per_ms = float(real_time_counts_per_ms(factor))
     table = dialect.conversion_table
     entry = TimeBaseEntry(
@@ -81,7 +81,7 @@ def spindle_clock(job: Job, machine: MachineProfile, dialect: Dialect) -> Spindl
         entry=entry,
         counts_per_ms=counts_per_ms,
         programmed_rpm=60_000.0 * counts_per_ms / turn_counts,
-        stretch=counts_per_ms / wanted,
+        stretch=counts_per_ms / target,
     )
 
 

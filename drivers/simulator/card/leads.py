@@ -61,13 +61,13 @@ class _Follower:
 
 @dataclass(slots=True, kw_only=True)
 class _Clock:
-    """A time base entry that coordinate systems are led by; `parts` and `iron` are of the cycle before."""
+    """A time base entry that leads coordinate systems; `parts` and `true_position` are of the cycle before."""
 
     entry: TimeBaseEntry
     master: Motor
     systems: tuple[CoordinateSystem, ...] = ()
     parts: int
-    iron: float
+    true_position: float
     triggered: TriggeredTimeBase | None
 
     def step(self) -> int:
@@ -78,10 +78,10 @@ class _Clock:
             units = increment_units(self.entry.factor, parts - self.parts)
             self.parts = parts
         else:
-            caught = master.passed_index(self.iron, master.iron)
-            captured = None if caught is None else round(caught + master.counter - master.iron)
+            caught = master.passed_index(self.true_position, master.true_position)
+            captured = None if caught is None else round(caught + master.counter - master.true_position)
             self.triggered, units = self.triggered.step(round(master.counter), captured)
-            self.iron = master.iron
+            self.true_position = master.true_position
         for system in self.systems:
             system.time_base.lead(units)
             system.busy = True
@@ -206,11 +206,11 @@ class Leads:
 def _clock(entry: TimeBaseEntry, master: Motor, before: _Clock | None) -> _Clock:
     """Return the clock of an entry. What its master did before it was in use is not made up for."""
     same = before is not None and before.master is master and (before.triggered is None) == (entry.trigger is None)
-    parts, iron, counts = parts_of(master.counter), master.iron, round(master.counter)
+    parts, true_position, counts = parts_of(master.counter), master.true_position, round(master.counter)
     if before is not None and same:
-        parts, iron = before.parts, before.iron
+        parts, true_position = before.parts, before.true_position
         counts = before.triggered.counts if before.triggered else counts
     triggered = None
     if entry.trigger is not None:
         triggered = TriggeredTimeBase(state=entry.trigger, factor=entry.factor, counts=counts)
-    return _Clock(entry=entry, master=master, parts=parts, iron=iron, triggered=triggered)
+    return _Clock(entry=entry, master=master, parts=parts, true_position=true_position, triggered=triggered)

@@ -23,8 +23,8 @@ class MotorLoop:
     The loop is told `desired`, with `correction` (of compensation tables, or whoever writes their register) and
     `superimposed` (what is followed of a master and not yet part of `desired`) added to it, all in counts. What is
     followed becomes part of `desired` as soon as nothing else moves the motor, unless `offset_following` keeps it
-    out. `iron` is where the axis is by its machine position, whatever the encoder says, `pace` how far it has gone
-    in its last servo cycle, and `cycles_run` how many it has run. `scale` is what the axis is read by.
+    out. `true_position` is where the axis is by its machine position, whatever the encoder says, `pace` how far it
+    has gone in its last servo cycle, and `cycles_run` how many it has run. `scale` is what the axis is read by.
     """
 
     def __init__(self, number: int, variables: VariableStore, axis: Axis, home: HomeSensor) -> None:
@@ -42,7 +42,7 @@ class MotorLoop:
         self.correction = 0.0
         self.superimposed = 0.0
         self.offset_following = False
-        self.iron = axis.origin
+        self.true_position = axis.origin
         self.pace = 0.0
         self.cycles_run = 0
         self.scale = Scale()
@@ -136,10 +136,10 @@ class MotorLoop:
             track = self.axis.follow([command + added for command in commands] if added else commands)
             before = commands[-2] if cycles > 1 else self.desired
             self.desired, self.velocity = commands[-1], (commands[-1] - before) / cycle_ms
-        start, origin = self.iron, self.axis.origin
+        start, origin = self.true_position, self.axis.origin
         machine = [position + origin for position in track] if origin else track
-        self.iron = machine[-1]
-        self.pace = self.iron - (machine[-2] if cycles > 1 else start)
+        self.true_position = machine[-1]
+        self.pace = self.true_position - (machine[-2] if cycles > 1 else start)
         self.cycles_run += cycles
         self._last_actual = track[-2] if cycles > 1 else self.actual
         if self._losing:
@@ -149,7 +149,7 @@ class MotorLoop:
         if not self.enabled:
             self.desired = self.encoder - added
         if self._jog.stage is Stage.SEARCHING:
-            self._search(start, self.iron)
+            self._search(start, self.true_position)
         return machine
 
     def passed_index(self, before: float, after: float) -> float | None:
@@ -198,7 +198,7 @@ class MotorLoop:
         """While the encoder does not count, the reading stays; what was lost meanwhile stays lost."""
         lost = self.axis.encoder_lost
         if self._losing and not lost:
-            missed = self.iron - self.axis.origin - self.actual
+            missed = self.true_position - self.axis.origin - self.actual
             self.axis.rebase(missed)
             self._lost_counts += missed
         self._losing = lost

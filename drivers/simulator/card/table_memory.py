@@ -88,11 +88,11 @@ class TableMemory:
         filling = self._filling
         if filling is None:
             raise PmacError(ErrorCode.DATA_ERROR, "no table is being filled")
-        wanted = filling.definition.entry_count - len(filling.entries)
-        if len(entries) > wanted:
-            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {wanted}")
+        target = filling.definition.entry_count - len(filling.entries)
+        if len(entries) > target:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{len(entries)} entries; the table waits for {target}")
         filling.entries.extend(entries)
-        if len(entries) == wanted:
+        if len(entries) == target:
             motor = filling.definition.motor
             self.tables = {**self.tables, motor: filling.definition.filled(filling.entries)}
             del self._unfilled[motor]

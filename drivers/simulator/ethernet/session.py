@@ -139,15 +139,15 @@ class EthernetSession:
             case RequestCode.SENDLINE:
                 self._port.type(_line_of(request))
             case RequestCode.GETBUFFER:
-                return (yield from self._fetch(buffer_length, request.wanted))
+                return (yield from self._fetch(buffer_length, request.target))
             case RequestCode.GETLINE:
-                return (yield from self._fetch(line_length, request.wanted))
+                return (yield from self._fetch(line_length, request.target))
             case RequestCode.READREADY:
                 self._listen()
                 return b"\1\0" if self._queue else b"\0\0"
             case RequestCode.CTRL_RESPONSE:
                 yield from self._type(bytes([request.control_character]))
-                return self._take(request.wanted)
+                return self._take(request.target)
             case RequestCode.SENDCTRLCHAR:
                 yield from self._type(bytes([request.control_character]))
             case RequestCode.FLUSH:

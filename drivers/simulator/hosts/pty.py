@@ -128,12 +128,12 @@ class PtyHost:
 
     def _hold_back(self) -> None:
         """Leave on the line what the card has no room for."""
-        wanted = not self._stream.crowded
-        if wanted and not self._reading:
+        target = not self._stream.crowded
+        if target and not self._reading:
             self._loop.add_reader(self._line, self._receive)
-        elif self._reading and not wanted:
+        elif self._reading and not target:
             self._loop.remove_reader(self._line)
-        self._reading = wanted
+        self._reading = target
 
 
 class StableName:

@@ -46,7 +46,7 @@ class InverterSpindle:
         self._blind = False
         self._speed = 0.0  # rad/s
         self._field = 0.0  # what the inverter puts out, rad/s
-        self._wanted: float | None = None  # rad/s; None is switched off
+        self._target: float | None = None  # rad/s; None is switched off
 
     @property
     def speed_rpm(self) -> float:
@@ -55,13 +55,13 @@ class InverterSpindle:
 
     def set_rpm(self, rpm: float) -> None:
         """Switch on and ramp to a speed; positive is the direction of the cut."""
-        if self._wanted is None:
+        if self._target is None:
             self._field = self._speed
-        self._wanted = rpm * math.pi / 30.0
+        self._target = rpm * math.pi / 30.0
 
     def switch_off(self) -> None:
         """Let it run out."""
-        self._wanted = None
+        self._target = None
 
     def close_loop(self) -> float:
         """Return the present reading, the last one of an encoder that does not count; there is no loop."""
@@ -104,7 +104,7 @@ class InverterSpindle:
         """Return the speed a cycle later: behind the field by the slip, or what drag and load leave of it."""
         drive = self._drive
         against_n_m = drive.friction_n_m + self.load_n_m
-        if self._wanted is None:
+        if self._target is None:
             slower = self._speed * math.exp(-drive.drag_n_m_s_per_rad / drive.inertia_kg_m2 * self._cycle_s)
             slower -= math.copysign(against_n_m / drive.inertia_kg_m2 * self._cycle_s, self._speed)
             stopped = self.jammed or slower * self._speed <= 0.0
@@ -113,7 +113,7 @@ class InverterSpindle:
             self._field = 0.0  # freed, it comes up again by the ramp
             return 0.0
         most = drive.ramp_rpm_per_s * math.pi / 30.0 * self._cycle_s
-        self._field += max(-most, min(self._wanted - self._field, most))
+        self._field += max(-most, min(self._target - self._field, most))
         per_n_m = drive.slip_rpm * math.pi / 30.0 / drive.peak_torque_n_m
         loaded = abs(self._field) - per_n_m * against_n_m
         # The drag is a part of the load, and goes with the speed that comes out.

@@ -98,9 +98,9 @@ def plant_named(
     by_hand = mounted_by_hand or name_or_path == MOUNTED
     values, where = _values("ideal" if name_or_path == MOUNTED else name_or_path)
     drawn = SystemRandom().randrange(SEEDS) if seed is None else seed
-    iron = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
-    iron = replace(iron, seed=drawn, clamping_force_spread=clamping_sd_percent / 100.0)
-    return set_up_by_hand(iron, machine, Random(drawn)) if by_hand else iron
+    true_position = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
+    true_position = replace(true_position, seed=drawn, clamping_force_spread=clamping_sd_percent / 100.0)
+    return set_up_by_hand(true_position, machine, Random(drawn)) if by_hand else true_position
 
 
 def _values(name_or_path: str) -> tuple[Mapping[str, Any], str]:

@@ -50,26 +50,26 @@ class Ripple:
             self._per_turn = per_turn
         wave = 2.0 * math.pi * self._per_turn / self._counts_per_turn
         # Another number of swings a turn comes when this one is gone.
-        wanted = share / wave if self._per_turn == per_turn else 0.0
+        target = share / wave if self._per_turn == per_turn else 0.0
         swung = []
         for mean in track:
             place = mean + origin
             if self._last is not None and not jammed:
-                self._fade(wanted, place - self._last)
+                self._fade(target, place - self._last)
             self._last = place
             swung.append(mean + self._amplitude * math.sin(wave * place + self._phase_rad))
         if not (share or self.swings):
             self._last, self._speed = None, 0.0
         return swung
 
-    def _fade(self, wanted: float, step: float) -> None:
+    def _fade(self, target: float, step: float) -> None:
         """Let the amplitude come or go for a cycle in which the mean place has gone a step."""
         self._speed += (step / self._cycle_s - self._speed) * self._cycle_s / SMOOTHED_S
         rpm = abs(self._speed) / self._counts_per_s_at_1_rpm
-        wanted *= min(max((rpm - NONE_BELOW_RPM) / (FULL_FROM_RPM - NONE_BELOW_RPM), 0.0), 1.0)
+        target *= min(max((rpm - NONE_BELOW_RPM) / (FULL_FROM_RPM - NONE_BELOW_RPM), 0.0), 1.0)
         share = abs(self._speed) * self._cycle_s / (FADES_IN_TURNS * self._counts_per_turn)
-        if wanted < self._amplitude:
+        if target < self._amplitude:
             share = max(share, self._cycle_s / FADES_IN_S)
-        self._amplitude += (wanted - self._amplitude) * min(share, 1.0)
-        if not wanted and self._amplitude < GONE_COUNTS:
+        self._amplitude += (target - self._amplitude) * min(share, 1.0)
+        if not target and self._amplitude < GONE_COUNTS:
             self._amplitude = 0.0

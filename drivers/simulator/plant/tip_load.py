@@ -45,7 +45,7 @@ def cutting_torque_n_m(job: Job) -> float:
 class Moving(Protocol):
     """An axis in the loop of its motor: machine position at the last servo cycle, counts, and its last step."""
 
-    iron: float
+    true_position: float
     pace: float
     cycles_run: int
 
@@ -166,4 +166,4 @@ class TipLoad:
 
 def _ahead(axis: Moving, cycle: int) -> float:
     """Return where an axis is in a servo cycle, counts, if it goes on as in its last one."""
-    return axis.iron + axis.pace * (cycle - axis.cycles_run + 1)
+    return axis.true_position + axis.pace * (cycle - axis.cycles_run + 1)

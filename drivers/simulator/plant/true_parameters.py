@@ -237,8 +237,8 @@ def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random
     return replace(
         true,
         ideal_spindle=False,
-        tool_ends_mm=_iron_mm(machine.tool),
-        carriage_ends_mm=_iron_mm(machine.carriage),
+        tool_ends_mm=_true_position_mm(machine.tool),
+        carriage_ends_mm=_true_position_mm(machine.carriage),
         jaw_1_deg=random.randrange(36_000) / 100.0,
         home_radius_mm=round(machine.tool.home_radius_mm + off_by_mm, 3),
     )
@@ -286,6 +286,6 @@ def _share(now_n: float, then_n: float) -> float:
     return max(now_n, 0.0) / then_n if then_n > 0.0 else 0.0
 
 
-def _iron_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:
+def _true_position_mm(axis: ToolAxis | Carriage) -> tuple[float, float]:
     """Return how far the iron goes: a little further than anybody should."""
     return (axis.travel_min_mm - BEYOND_TRAVEL_MM, axis.travel_max_mm + BEYOND_TRAVEL_MM)

@@ -157,12 +157,12 @@ class Workpiece:
 
 
 def _whole_places(
-    places: Floats, wanted: NDArray[np.bool_]
+    places: Floats, target: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """Return every whole place in the wanted intervals: its interval, itself and how far in (0 to 1)."""
     steps = np.diff(places)
     inner = np.arange(REACH, len(steps) - REACH)
-    start = inner[(steps[inner] > 0.0) & wanted[inner]]
+    start = inner[(steps[inner] > 0.0) & target[inner]]
     first = np.ceil(places[start]).astype(np.int64)
     counts = np.maximum(np.ceil(places[start + 1]).astype(np.int64) - first, 0)
     index = np.repeat(start, counts)

@@ -14,7 +14,7 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.pmac.settings import servo_cycle_ms
 
-LEASE_MS = 300.0
+WATCHDOG_MS = 300.0
 """What one renewal is worth."""
 
 PERIOD_MS = 50.0
@@ -46,7 +46,7 @@ class Timer:
     pointer: Pointer | None = None
 
 
-def lease_timer(dialect: Dialect) -> Timer:
+def watchdog_timer(dialect: Dialect) -> Timer:
     """Return the timer that is the lease."""
     return _timer(dialect, 0)
 
@@ -61,15 +61,15 @@ def cycles_of(time_ms: float, i10: float) -> int:
     return math.floor(time_ms / servo_cycle_ms(i10))
 
 
-def lease_line(dialect: Dialect, i10: float | None = None) -> str:
+def watchdog_line(dialect: Dialect, i10: float | None = None) -> str:
     """Return the line that renews the lease; `i10` is what the card says, None the factory's."""
-    cycles = cycles_of(LEASE_MS, dialect.factory[SERVO_PERIOD] if i10 is None else i10)
-    return f"{lease_timer(dialect).name}={cycles}"
+    cycles = cycles_of(WATCHDOG_MS, dialect.factory[SERVO_PERIOD] if i10 is None else i10)
+    return f"{watchdog_timer(dialect).name}={cycles}"
 
 
-def lease_condition(dialect: Dialect) -> str:
+def watchdog_condition(dialect: Dialect) -> str:
     """Return what a cutting program adds to the condition of its loop, to end by itself without a host."""
-    return f"{lease_timer(dialect).name}>0"
+    return f"{watchdog_timer(dialect).name}>0"
 
 
 def _timer(dialect: Dialect, place: int) -> Timer:
@@ -77,4 +77,4 @@ def _timer(dialect: Dialect, place: int) -> Timer:
         return Timer(f"I{dialect.system_index(SYSTEM, dialect.timer_numbers[place])}")
     space, address = dialect.timer_words[place]
     pointer = Pointer(space=space, address=address, width=WORD_BITS, signed=True)
-    return Timer(f"M{reserved.LEASE_TIMER + place}", pointer)
+    return Timer(f"M{reserved.WATCHDOG_TIMER + place}", pointer)

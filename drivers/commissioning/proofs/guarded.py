@@ -10,8 +10,8 @@ from drivers.commissioning.proofs.air_cut import Begin
 from drivers.commissioning.proofs.bench import REASON, TestRig
 from drivers.errors import DriverError
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
-from drivers.pmac.heartbeat.lease import PERIOD_MS
 from drivers.pmac.heartbeat.watch import Look, Watch, rests
+from drivers.pmac.heartbeat.watchdog import PERIOD_MS
 from drivers.pmac.language.text import format_number
 from profiles.problem import Problem
 
@@ -23,7 +23,7 @@ HOMING_ORDER = ("tool", "carriage", "spindle")
 
 
 @dataclass(kw_only=True)
-class Leased:
+class Guarded:
     """The driven axes of a card whose heartbeat is in order. `starts` is where they were homed, counts."""
 
     bench: TestRig
