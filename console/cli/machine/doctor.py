@@ -39,7 +39,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         asked = options.prove and not unsigned
         moves = asked and agreed(options, card.machine.name, card.simulated, text, "doctor")
         if moves and not card.simulated:
-            verification = verify(card.client, card.machine, card.dialect)  # the operator's answer may have taken time
+            verification = verify(card.client, card.machine, card.dialect)  # the answer may have taken time
         proofs = proven_checks(options, card, verification, text) if moves else unproven(names_of(card.machine))
         stops = stop_checks(options, card, date.today())
     arrival = arrival_check(card.client.line_check)

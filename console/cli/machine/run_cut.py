@@ -165,7 +165,7 @@ def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list
 
 
 def _record(data: Path, request: RunRequest) -> RunRecord:
-    """Begin the record of a run. A lathe in this process has no drives that wait for other writers.
+    """Begin the record of a run. On a lathe in this process, a wait for other writers keeps no real drive enabled.
 
     Raises:
         SessionError: as `RunRecord`; nothing was started.

@@ -96,7 +96,7 @@ def _now(card: Card, today: date) -> StopsNow:
 
 
 def _warned(problem: Problem) -> Check:
-    """Return warnings: such a machine may be moved, or its stops could not be tested; it cannot be armed."""
+    """Return a warning: such a machine may be moved, or its stops could not be tested; it cannot be armed."""
     area, _, name = problem.code.partition(".")
     code = f"stops_{name}" if area == "stops" else "stops_unreadable"
     return Check(

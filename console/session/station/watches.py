@@ -48,7 +48,7 @@ def watch_guard(place: StationContext) -> None:
 
 
 def watch_loss(place: StationContext, snapshot: Snapshot) -> None:
-    """Report once what the controller has ended by itself; after a stop that is part of settling it."""
+    """Report once what the controller has ended after losing its host; after a stop, settling the stop does."""
     if not snapshot.lost:
         place.end_alarms("heartbeat.lost")
     elif not place.alarmed("heartbeat.lost"):
