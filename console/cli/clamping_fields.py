@@ -8,7 +8,7 @@ from profiles.machine import MachineProfile
 
 
 def span_fields(job: Job, machine: MachineProfile) -> dict[str, float | str]:
-    """Return least and most force at rest, N, the limit behind the most, and the position of the job's force."""
+    """Return static minimum and maximum force, N, the limit that sets the maximum, and the job's place."""
     span = force_span(job, machine)
     return {
         "force_least_n": span.least_n,

@@ -18,9 +18,9 @@ AIR_MM = 1.0
 
 
 class Stage(StrEnum):
-    """The steps of a first part.
+    """Stages of a first part.
 
-    `air` is the whole program out of the part, `partial` half of the compensation at the full depth, `full` the
+    `air` is the whole program clear of the part, `partial` half of the compensation at the full depth, `full` the
     part as it is meant.
     """
 

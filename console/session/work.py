@@ -67,7 +67,7 @@ def opened(loaded: LoadedJob, machine: LoadedMachine) -> Work:
 
 
 def parsed(text: str, key: str) -> Any:
-    """Return the value of a field from what was typed: a number with a point or a comma, or a word.
+    """Parse the value of a field as typed: a number with a point or a comma, or a word.
 
     Raises:
         ProfileError: `value.ambiguous` for "1,234" and "1.234.5" alike, `value.not_number`, `value.out_of_range`,

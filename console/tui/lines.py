@@ -41,7 +41,7 @@ def width_of(pieces: Line) -> int:
 
 
 def fitted(text: str, width: int) -> str:
-    """Return a text of exactly `width` cells: filled up, or cut with an ellipsis."""
+    """Return a text of exactly `width` cells: padded, or cut with an ellipsis."""
     if cell_len(text) <= width:
         return set_cell_size(text, width)
     return set_cell_size(set_cell_size(text, max(width - 1, 0)) + "…", width) if width > 0 else ""
@@ -163,7 +163,7 @@ def _cells(pieces: Line) -> list[Piece]:
 
 
 def _head(word: str, width: int) -> str:
-    """Return the longest beginning of `word` that fits, one character at least."""
+    """Return the longest prefix of `word` that fits, one character at least."""
     head = word[:1]
     for character in word[1:]:
         if cell_len(head + character) > width:

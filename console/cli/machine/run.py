@@ -1,4 +1,4 @@
-"""`console run`: a whole job, from the saved job to the measured part."""
+"""`console run`: a whole job, from the job file to the measured part."""
 
 from __future__ import annotations
 

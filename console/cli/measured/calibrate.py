@@ -1,4 +1,4 @@
-"""`console calibrate`: the chuck from measurements at it, the lobe of a job from the trace of a part."""
+"""`console calibrate`: the chuck from measurements at it, or a job's lobe from the trace of a part."""
 
 from __future__ import annotations
 

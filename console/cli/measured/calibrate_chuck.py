@@ -98,7 +98,7 @@ def _fitted(measured: MeasuredTable, machine: MachineProfile, affine: bool) -> W
 
 
 def _stated(meta: Any, key: str) -> float | None:
-    """Return the number of a header line, None where there is none."""
+    """Return the number in a header line, None where there is none."""
     if key not in meta:
         return None
     try:

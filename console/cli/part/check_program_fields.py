@@ -1,4 +1,4 @@
-"""A checked program for JSON: counts and ms, and the units of the axes where a motor has one."""
+"""Checked program for JSON: counts and ms, and the units of the axes where a motor has one."""
 
 from __future__ import annotations
 

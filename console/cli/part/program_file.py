@@ -29,7 +29,7 @@ def checked_file(options: Namespace, machine: MachineProfile) -> ProgramCheck:
 
     Raises:
         ProblemError: `file.unreadable`, `file.too_large`; `program.encoding`; `program.refused`, there is nothing
-            to look at; `program.start_axis`, `program.start_too_far`.
+            to check; `program.start_axis`, `program.start_too_far`.
     """
     content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES)
     encoding = _wide_encoding(content)

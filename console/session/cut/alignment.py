@@ -156,7 +156,7 @@ def handed_over(alignment: Alignment, at: str) -> Alignment:
 
 
 def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
-    """Return why a step is not done for this job; empty when it is."""
+    """Return why a step is not yet done for this job; empty when it is."""
     return _JUDGES[step](alignment, job)
 
 

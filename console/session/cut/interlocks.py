@@ -96,7 +96,7 @@ def of_machine(
 
 
 def of_zero(machine: MachineProfile, strategy: Strategy, *, jaw_found: bool) -> Interlock:
-    """Check that jaw 1 is known from the zero of the spindle angle, where the spindle was never homed.
+    """Check that jaw 1 is known from the angle zero that the strategy uses, on a spindle that was never homed.
 
     A table counts from power-on of the controller, as does jaw 1 found at the machine (`jaw_found`);
     the spindle's time counts from the index, as does the file of a job.

@@ -24,7 +24,7 @@ WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
 class LastResult:
     """The last measured part of a job.
 
-    `ront_um` is RONt of the least squares circle, free state, filtered as `console.session.cut.run` says.
+    `ront_um` is RONt of the least squares circle, free state, filtered as in `console.session.cut.run`.
     `strategy` is how it was cut ("none": without compensation), `parts` how many were measured in all.
     """
 

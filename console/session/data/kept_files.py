@@ -69,7 +69,7 @@ def kept(file: Path, code: str) -> Any:
 
 
 def data_folder(told: str | None = None) -> Path:
-    """Return the folder for data (XDG base directories); it need not exist.
+    """Return the data folder (XDG base directories); it need not exist.
 
     Raises:
         SessionError: `data.no_home`.
@@ -85,7 +85,7 @@ def _home() -> Path:
     """Return the home folder of this user.
 
     Raises:
-        SessionError: `data.no_home`, nothing says where it is.
+        SessionError: `data.no_home`, it cannot be determined.
     """
     told = os.environ.get("HOME", "")
     if os.path.isabs(told):

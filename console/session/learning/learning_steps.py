@@ -200,7 +200,7 @@ def reverted(
     date: str,
     strategy: str | None = None,
 ) -> LearnedCompensation:
-    """Return an older version as the newest; 0 is the model, for `strategy`, by default that of the newest.
+    """Return an older version as the newest; 0 is the model, for `strategy` (default: that of the newest).
 
     Raises:
         SessionError: as `chosen`.

@@ -23,7 +23,7 @@ CUT_MM = 1.5
 
 
 class Bench:
-    """One lathe. Parts are cut on it one after the other; it is homed for the first."""
+    """One lathe. Parts are cut on it one after another; it is homed for the first."""
 
     def __init__(self, machine: MachineProfile, true: TrueParameters | None = None) -> None:
         """Take `true`, the actual hardware; None for one as its profile says."""

@@ -88,7 +88,7 @@ Alarms = tuple[Alarm, ...]
 
 
 def collision_problems(kinds: Iterable[str]) -> tuple[Problem, ...]:
-    """Return a problem for each kind of collision that was seen at the chuck."""
+    """Return a problem for each kind of collision seen at the chuck."""
     return tuple(Problem(code=_CODES[CollisionKind(kind)]) for kind in kinds)
 
 

@@ -81,7 +81,7 @@ class StationContext:
 
     @property
     def machine(self) -> MachineProfile:
-        """The machine with its tool tip where the touch-off found it."""
+        """The machine with the tool tip from the touch-off."""
         return aligned_machine(self.loaded_machine.machine, self._state.alignment)
 
     @property

@@ -110,7 +110,7 @@ def longest_in_mm(gap_mm: float | None) -> float:
 
 
 def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> float:
-    """Return the longest step of the tool toward the work: to the clamped part, as far as it was touched off."""
+    """Return the longest step of the tool toward the work: to the clamped part, once touched off."""
     if snapshot is None or alignment.touch_off is None:
         return longest_in_mm(None)
     return longest_in_mm(tool_gap_mm(snapshot, machine, alignment))

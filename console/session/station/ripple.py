@@ -73,10 +73,10 @@ def spindle_ripple(looks: Floats, counts_per_rev: float) -> SpindleRipple | None
 
 
 def _rounded(count_rad: float) -> float:
-    """Return the swing, peak to peak, that rounding to whole counts can make: 0.45 % for 10 000 counts a turn.
+    """Return the ripple, peak to peak, that rounding to whole counts can make: 0.45 % for 10 000 counts a turn.
 
-    What is rounded off is a saw tooth over the counts. To looks at even times it may look like one over the turn:
-    its harmonics, the n-th of 1 / (n pi) counts, are then taken for swings; at the worst the largest for the
+    The rounding error is a saw tooth over the counts. With evenly timed samples it may alias to one over the turn:
+    its harmonics, the n-th of 1 / (n pi) counts, are then taken for ripple; at the worst the largest for the
     highest order, and so on.
     """
     worst = sum(command / harmonic for harmonic, command in enumerate(reversed(HANDLERS), start=1))

@@ -168,7 +168,7 @@ def error_series(cut: CutProgress) -> tuple[tuple[Series, ...], tuple[float, flo
 
 
 def mean_error_um(cut: CutProgress) -> tuple[Floats, Floats]:
-    """Return the mean tool error by spindle angle: middles of the bins seen, deg, and um (infeed positive)."""
+    """Return the mean tool error by spindle angle: centres of the filled bins, deg, and um (infeed positive)."""
     bins = np.floor(cut.angles_deg / BIN_DEG).astype(int)
     seen = np.unique(bins)
     means = np.array([cut.errors_um[bins == each].mean() for each in seen], dtype=np.float64)

@@ -32,7 +32,7 @@ from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem, ProblemError
 
 ROWS_FOR_PLOTS = 16
-"""Rows of the page below which the table takes the room of the plot."""
+"""Rows of the page below which the table replaces the plot."""
 
 _ROOMY_ROWS, _TALL_ROWS = 22, 36
 _BORDER_ROWS = 2

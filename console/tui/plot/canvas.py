@@ -23,7 +23,7 @@ DOTS_DOWN = 4
 NO_LAYER = -1
 
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
-"""The bit of each dot of a cell in the order of the braille block."""
+"""Bit of each dot of a cell in the order of the braille block."""
 _TOP, _BOTTOM = 0x1B, 0xE4
 _FAR_DOTS = 1.0e9
 """Coordinates further out than this are clamped to it: the line leaves the canvas either way."""

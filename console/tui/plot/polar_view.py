@@ -29,7 +29,7 @@ _LEAST_UM_PER_DIVISION = 0.1
 _TICK_DOTS = 3.0
 _BEFORE_DASH = Dash(on=2, off=3)
 OFF_THE_DOTS_DEG = 0.37
-"""Points of a ring at round angles fall on the edges between dots, where the last bit of a cosine decides."""
+"""Offset of a ring's points: at round angles they fall between dots, where the last bit of a cosine decides."""
 
 _RING_DASH = Dash(on=1, off=1)
 _DIVISION_DASH = Dash(on=1, off=5)

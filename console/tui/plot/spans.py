@@ -21,7 +21,7 @@ UNKNOWN = "?"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """Cells of one row, from `start` up to but without `end`."""
+    """Cells of one row, from `start` up to but excluding `end`."""
 
     row: int
     start: int
@@ -131,7 +131,7 @@ class Brush:
         return Strip(segments, cells.columns)
 
     def _over_blanks(self, drawn: NDArray[np.bool_], tokens: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Give blanks the style of what is before them: each change of style is 40 bytes to the terminal."""
+        """Give blanks the style of what precedes them: each change of style is 40 bytes to the terminal."""
         if not drawn.any():
             return tokens
         nearest = np.maximum.accumulate(np.where(drawn, np.arange(drawn.size), int(drawn.argmax())))

@@ -1,4 +1,4 @@
-"""Traces over an axis: tool error against spindle angle, position against time."""
+"""Trace plots over an axis: tool error against spindle angle, position against time."""
 
 from __future__ import annotations
 
