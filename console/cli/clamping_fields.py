@@ -8,7 +8,7 @@ from profiles.machine import MachineProfile
 
 
 def span_fields(job: Job, machine: MachineProfile) -> dict[str, float | str]:
-    """Return static minimum and maximum force, N, the limit that sets the maximum, and the job's place."""
+    """Return minimum and maximum static force, N, what limits the maximum, and where the job's force is."""
     span = force_span(job, machine)
     return {
         "force_least_n": span.least_n,

@@ -41,7 +41,7 @@ from profiles.traces import Trace
 
 AIR_PASSES, MOST_AIR_PASSES = 3, 8
 AIR_ENOUGH_UM_PP = 1.0
-"""Number of air passes, with more while the lobe error is larger: a small motion starts within its friction."""
+"""Number of air passes; more while the lobe error is above this: a small motion starts within its friction."""
 
 AIR_TURNS = 30
 
