@@ -30,7 +30,7 @@ class Pace:
         return max(self.ahead - int(waiting_s / self._character_s + 0.999), 0)
 
     def wait_s(self, now_s: float) -> float:
-        """Return the time after which half of the queue has been transmitted: often enough to keep the line busy."""
+        """Return the time until half of the queue has been transmitted: often enough to keep the line busy."""
         waiting_s = max(self._clear_at_s - now_s, 0.0)
         return max(waiting_s - self.ahead // 2 * self._character_s, self._character_s, LEAST_WAIT_S)
 
