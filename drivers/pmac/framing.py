@@ -129,7 +129,7 @@ class ReplyReader:
 
 
 def _part(buffer: bytes, start: int) -> tuple[_Part, str, int] | None:
-    """Return the next part of a reply, its text, and the start of the following one; None while it is incomplete."""
+    """Return the next part of a reply, its text, and the start of the following one; None while incomplete."""
     if start == len(buffer):
         return None
     if buffer[start] == ACK:

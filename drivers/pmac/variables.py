@@ -79,9 +79,7 @@ class VariableStore:
         return self._i.get(self.dialect.index(setting, owner), 0.0)
 
     def blend_ms(self, system: int, number: int) -> float:
-        """Return Ix87 (TA) or Ix88 (TS) of a coordinate system as the controller uses it: whole ms, never
-        negative.
-        """
+        """Return Ix87 (TA) or Ix88 (TS) of a coordinate system as the controller uses it: whole ms, at least 0."""
         return float(max(0, math.floor(self.system(system, number) + 0.5)))
 
     def view(self, system: int) -> SystemVariables:
