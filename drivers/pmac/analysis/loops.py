@@ -157,7 +157,7 @@ def _walk(part: syntax.Condition | syntax.Expression) -> Iterator[syntax.Conditi
 
 
 def _candidates(present: float, constants: set[float]) -> list[float]:
-    """Yield values a flag might be set to: 1 and 0 first, then either side of the constants and the present value."""
+    """Yield values a flag might be set to: 1 and 0 first, then either side of the constants and of now."""
     around_them = [value + step for value in sorted(constants | {present}) for step in (1.0, -1.0, 0.0)]
     return [1.0, 0.0, *around_them]
 

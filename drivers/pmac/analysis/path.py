@@ -27,7 +27,7 @@ def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFindin
 
 
 def _lost_strokes(subject: Subject) -> list[ProgramFinding]:
-    """Find moves that reverse short of both their ends: for each commanded distance, the most frequent actual one."""
+    """Find moves that reverse short of both ends: for each commanded distance, the most frequent actual one."""
     grouped: dict[tuple[int, float], list[tuple[MoveAnalysis, MotorMove]]] = {}
     for before, move in pairwise(subject.moves):
         for index, motor in enumerate(move.motors):

@@ -39,9 +39,7 @@ COMPENSATION = 51
 
 
 class Ending(StrEnum):
-    """How a walk ended: after the last line, with a run-time error, in an endless loop, or because it was too
-    long.
-    """
+    """How a walk ended: after the last line, with a run-time error, in an endless loop, or too long."""
 
     FINISHED = auto()
     ERROR = auto()
@@ -306,7 +304,7 @@ class _Walker:
         self._steps.append(step)
 
     def _carry_out(self, event: Event, at: Vector) -> Vector:
-        """Do what the program waits for: homing succeeds at zero, a PSET is taken as is, a STOP is resumed from."""
+        """Do what the program waits for: homing succeeds at zero, a PSET is taken as is, a STOP is resumed."""
         definitions = self._definitions
         if isinstance(event, HomeRequest):
             at = tuple(0.0 if d.motor in event.motors else p for d, p in zip(definitions, at, strict=True))

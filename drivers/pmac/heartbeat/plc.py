@@ -73,8 +73,7 @@ def plc_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> tupl
 
 
 def set_up_lines(machine: MachineProfile, dialect: Dialect, policy: Policy) -> tuple[str, ...]:
-    """Return the lines that load the heartbeat into a controller, for a machine at rest; none of them causes
-    motion.
+    """Return the lines that load the heartbeat into a controller at rest; none of them causes motion.
 
     The permission for PLCs, I5, is not among them: it lets every other PLC of the controller run, too. Nor is an
     unacknowledged loss cleared.
@@ -130,9 +129,7 @@ class _Writer:
 
     @property
     def _busy(self) -> str:
-        """Wait for rest: a program that has calculated its last move no longer runs, while that is still being
-        played.
-        """
+        """Wait for rest: a program that has calculated its last move no longer runs, but is still being played."""
         return f"M{r.RUNNING}=1 OR M{r.TOOL_IN_MOVE}=1"
 
     @property
