@@ -18,8 +18,7 @@ from profiles.compensations.path import LobedPath
 from profiles.job import Job
 
 MOST_TRIM_UM = 8.0
-"""Maximum amplitude: a few times the deflection of a soft servo by the force of a fine cut at the lobe frequency.
-"""
+"""Maximum amplitude: a few times a soft servo's deflection by a fine cut's force at the lobe frequency."""
 
 ROUNDING_COUNTS = 0.01
 """Maximum rounding-up of the two numbers of a harmonic on transmission."""
