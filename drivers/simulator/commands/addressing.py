@@ -1,4 +1,4 @@
-"""Which motor, coordinate system and card a host means, and which motors make an axis."""
+"""Address a motor, a coordinate system and a controller, and assign motors to axes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOTORS_IN_A_BANK = 8
 
 
 def address_card(scanner: Scanner, context: Context) -> None:
-    """`@n`: what follows is for card n; `@@`: for all; `@` reports. It matters only with bit 1 of I1.
+    """`@n`: what follows is for controller n; `@@`: for all; `@` reports. It matters only with bit 1 of I1.
 
     Raises:
         PmacError: 003, a number above 15.
