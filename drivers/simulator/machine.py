@@ -160,7 +160,7 @@ class SimulatedLathe:
     def set_spindle(self, rpm: float | None) -> None:
         """Set a spindle on an inverter at the lathe: it ramps to `rpm`, positive in the direction of the cut.
 
-        None switches it off: it coasts.
+        None disables it: it coasts.
 
         Raises:
             RuntimeError: the controller drives this spindle, or it is not made for that speed.

@@ -47,7 +47,7 @@ def link_plc(program: PlcProgram) -> PlcCode:
     """Find the ends of every loop and branch, and combine conditions of several lines.
 
     Raises:
-        PmacError: 009, an end or an ELSE without its beginning, an AND or OR that does not stand directly behind a
+        PmacError: 009, an end or an ELSE without its beginning, an AND or OR that does not stand directly after a
             condition, or a condition of too many lines; 016, a loop or branch without its end.
     """
     linker = _Linker()

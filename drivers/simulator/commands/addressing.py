@@ -46,7 +46,7 @@ def _address_motor(scanner: Scanner, context: Context) -> None:
 def _address_bank(scanner: Scanner, context: Context) -> None:
     """`##1`: the control characters report motors 9 to 16.
 
-    With eight motors, and with a space between the signs, it is `#`, and `#1` behind it.
+    With eight motors, and with a space between the signs, it is `#`, and `#1` after it.
     """
     banks = context.dialect.motor_count // MOTORS_IN_A_BANK
     behind = scanner.mark()

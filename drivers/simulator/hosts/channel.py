@@ -1,9 +1,9 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
 It is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null switches it off) and `{"do":
-"fault", "line": "..."}` (see `control_line`). The reply to an impossible request is `{"refused": reason}`. Before
-any request, one line `{"ready": device}` names the device of the controller.
+`{"do": "look"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it) and
+`{"do": "fault", "line": "..."}` (see `control_line`). The reply to an impossible request is
+`{"refused": reason}`. Before any request, one line `{"ready": device}` names the device of the controller.
 """
 
 from __future__ import annotations

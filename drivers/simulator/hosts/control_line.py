@@ -29,7 +29,7 @@ class Attended(command.Faulty, Protocol):
         """Power-cycle the controller."""
 
     def set_spindle(self, rpm: float | None) -> None:
-        """Set a spindle on an inverter; None switches it off."""
+        """Set a spindle on an inverter; None disables it."""
 
 
 def answer(lathe: Attended, line: str) -> str:

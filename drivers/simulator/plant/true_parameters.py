@@ -247,8 +247,7 @@ def set_up_by_hand(true: TrueParameters, machine: MachineProfile, random: Random
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jaws:
-    """The jaws of a chuck that holds a ring with `force_n` in all, jaw 1 by a fraction `first_harder` above the
-    mean.
+    """The jaws of a chuck holding a ring with `force_n` in all, jaw 1 a fraction `first_harder` above the mean.
 
     A radial load bends a ring n times a turn by 1 / (n^2 - 1)^2 of it: an oval is softer than any lobe. Loads W_i
     at angles a_i make a harmonic of sum W_i cos n (angle - a_i). With jaw 1 the fraction d above the mean, the
