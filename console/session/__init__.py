@@ -1,1 +1,1 @@
-"""Job sequence with its interlocks and records; independent of screens and argument parser."""
+"""The sequence of a job, with its interlocks and records; knows no screen and no argument parser."""

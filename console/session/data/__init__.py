@@ -1,1 +1,1 @@
-"""Data that the console keeps on disk: run records, calibrations, learned compensations, stopping performance."""
+"""What the console keeps on the disk: run records, calibrations, learned compensations, stop records."""

@@ -1,4 +1,4 @@
-"""Earlier parts in the run record: the last measured roundness of each job."""
+"""What the run record says of earlier parts: the last measured roundness of each job."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from console.session.errors import SessionError
 from profiles.own_values import from_json, number, text
 
 LOCK_TIMEOUT_S = 0.1
-"""How long to wait for a writer; a list of jobs is not worth more."""
+"""How long a writer is waited for; a list of jobs is not worth more."""
 
-# By row, the order in which they were added: a clock may have been set back meanwhile.
+# By row, which is the order in which they were added: a clock may have been set back meanwhile.
 _QUERY = """
 SELECT events.data, events.at_utc FROM events JOIN runs USING (run_id)
 WHERE events.kind = 'measured' AND runs.simulated = ? ORDER BY events.rowid
@@ -35,13 +35,13 @@ class LastResult:
 
 
 LastResults = Mapping[str, LastResult]
-"""By the name of the job, as in its file."""
+"""By the name of the job, as it stands in its file."""
 
 
 def last_results(folder: Path, *, simulated: bool) -> LastResults:
     """Return the last results in the record in `folder`, of the simulator's parts or of real ones.
 
-    For a record that is missing, locked or unreadable the mapping is empty.
+    A record that is missing, locked or not to be read says nothing: the mapping is empty then.
     """
     results: dict[str, LastResult] = {}
     for data, at_utc in _measured(folder, simulated):
