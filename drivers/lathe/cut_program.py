@@ -20,7 +20,7 @@ from profiles.problem import Problem
 
 
 class CutProgram:
-    """The program of one machine. `held`: whether the program loaded last was asked to end early.
+    """The program of one machine. `held`: whether the last loaded program was asked to end early.
 
     `definitions` are the axis definitions of the controller, which a loaded program may have changed.
     """
@@ -77,8 +77,7 @@ class CutProgram:
         self._to_restore, self.definitions = (), self._machine.controller.axis_definitions
 
     def tables_left(self) -> tuple[Problem, ...]:
-        """Return what compensation tables still add to the tool, or would add: nothing is expected before or
-        after a cut.
+        """Return what compensation tables still add to the tool, or would; expected empty before and after a cut.
 
         Raises:
             DriverError: the link broke, or the controller refused to answer.
@@ -146,8 +145,7 @@ class CutProgram:
             self._client.request(line, POLL_TIMEOUT_S)
 
     def trim(self, trim_um: complex) -> None:
-        """Set the trim of a running cut to the wave Re(c exp(j lobe angle)) on top of its table, c in um; see
-        `cam_trim`.
+        """Set the trim of a running cut, the wave Re(c exp(j lobe angle)), c in um; see `cam_trim`.
 
         Raises:
             StoppedError: somebody stopped the machine; nothing was sent.

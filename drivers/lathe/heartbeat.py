@@ -49,8 +49,7 @@ RATE_READINGS = 3
 
 
 def cut_condition(machine: MachineProfile) -> str:
-    """Return the condition without which a cutting program ends by itself; "" under a policy that lets it
-    finish."""
+    """Return the condition without which a cutting program ends by itself; "" if the policy lets it finish."""
     finishes = Policy(machine.heartbeat.policy) is Policy.FINISH
     return "" if finishes else watchdog_condition(DIALECTS[machine.controller.family])
 
@@ -66,8 +65,8 @@ class Heartbeat:
         policy: Policy | None = None,
         owner_seen: Callable[[float], None] = lambda _: None,
     ) -> None:
-        """Without a `policy`, that of the machine profile applies. `owner_seen` is called with the owner that
-        was read."""
+        """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner that was
+        read."""
         self._owner_seen = owner_seen
         self._client = client
         self._clock = clock
@@ -119,7 +118,7 @@ class Heartbeat:
         return f"{keeper.cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
 
     def renewal(self) -> str:
-        """Return the watchdog renewal to prefix to a line that is sent at once; "" when nothing is guarded.
+        """Return the watchdog renewal to prefix to a line sent at once; "" when nothing is guarded.
 
         Raises:
             DriverError: `heartbeat.lapsed`, as for `pause`.
@@ -133,14 +132,12 @@ class Heartbeat:
 
     @property
     def condition(self) -> str:
-        """The condition without which a cutting program ends by itself; none under a policy that lets it
-        finish."""
+        """The condition without which a cutting program ends by itself; none if the policy lets it finish."""
         return "" if self.policy is Policy.FINISH else watchdog_condition(self._dialect)
 
     @property
     def ends_within_s(self) -> float:
-        """How long the controller may take to end a motion by itself; a cut that it lets finish has no such
-        time."""
+        """How long the controller may take to end a motion by itself; not for a cut that it lets finish."""
         if self.policy is Policy.FINISH:
             return math.inf
         return (self._machine.heartbeat.grace_ms + RUN_DOWN_MS + OUT_LIMIT_MS) / 1000.0 + END_MARGIN_S
@@ -157,7 +154,7 @@ class Heartbeat:
         """Let time pass and renew the watchdog when it is due; waiting for an answer is part of that time.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, this host was silent for so long that the controller has ended the motion;
+            DriverError: `heartbeat.lapsed`, this host was silent so long that the controller ended the motion;
                 nothing was renewed.
             LinkError: the link broke or is out of step.
         """

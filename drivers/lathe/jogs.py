@@ -156,8 +156,7 @@ class Jogs:
         self.to(axis, end, timeout_s, settle=False, held_counts=held)
 
     def retract(self, to_counts: float, timeout_s: float = 60.0) -> None:
-        """Retract the tool to a position in counts, after a stop or an early end; positive counts are towards
-        the work.
+        """Retract the tool to a position in counts, after a stop or an early end; positive is towards the work.
 
         A tool that is already there, within the band of its in-position flag, is left alone.
 

@@ -155,7 +155,7 @@ class Lathe:
         """Enable the drives: close the loops of all axes where they stand, except a spindle on an inverter.
 
         Raises:
-            RefusedError: `machine.hands_in`, the drives were disabled and nobody has confirmed that the guard is clear;
+            RefusedError: `machine.hands_in`, the drives were disabled and the guard is not confirmed clear;
                 `heartbeat.*`, nothing would end a motion without this host; `safety.not_good`.
             DriverError: `machine.not_enabled`, an axis does not close.
         """

@@ -83,7 +83,7 @@ class Poller:
         """Read the state of the machine in one request; retry once without a complete reply.
 
         Raises:
-            DriverError: `heartbeat.lapsed`, this host was silent for so long that the controller has ended the motion.
+            DriverError: `heartbeat.lapsed`, this host was silent so long that the controller ended the motion.
             LinkError: the link broke or is out of step.
         """
         try:

@@ -239,7 +239,6 @@ class SnapshotItems:
 
 
 def _flags(status: str, dialect: Dialect) -> frozenset[str]:
-    """Return the status flags of a motor. In open loop the controller reports no desired velocity, so also no
-    zero one."""
+    """Return the status flags of a motor. In open loop the controller reports no desired velocity."""
     flags = decode(status, dialect.motor_bits)
     return flags | {"desired_velocity_zero"} if "open_loop" in flags else flags
