@@ -1,5 +1,4 @@
-"""The commands that the servo loops receive: the program's motion plus a compensation table and an external
-spindle.
+"""The commands of the servo loops: the program's motion plus a compensation table and an external spindle.
 
 The controller evaluates the table in every servo cycle; here the correction is represented by cubics that are
 short compared with a lobe. A source with a higher motor number than the target is read one servo cycle late.

@@ -30,8 +30,7 @@ MOST_OF_LOBE = 0.5
 """Fraction of the lobe by which a following tool may deviate throughout: half as large, or 29 degrees late."""
 
 TIMES_USUAL = 12.0
-"""A moment must also exceed the median deviation by this factor where tool and spindle are not read
-simultaneously."""
+"""A moment must also exceed the median deviation by this factor where tool and spindle are read separately."""
 
 LATE = 1.5
 """A poll that took this many times the usual was interrupted: its values are not of one instant."""
@@ -112,8 +111,7 @@ class PathSeen:
             yield Problem(code="cut.off_path", key=AxisName.TOOL, value=value, limit=limit)
 
     def _carriage(self, turns: Floats, carriage: Floats) -> Iterator[Problem]:
-        """Model the carriage: feed in proportion to turns; an external spindle may be slower or faster than
-        planned."""
+        """Model the carriage: feed in proportion to turns; an external spindle may turn slower or faster."""
         per_mm = self._machine.carriage.counts_per_mm
         off_mm = (carriage - turns * self._plan.setup.carriage_per_turn) / per_mm
         trends = [turns - turns[0]] if self._machine.spindle.followed else []

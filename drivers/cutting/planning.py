@@ -246,8 +246,7 @@ def _refuse_unsegmented(command: LobedPath, job: Job, machine: MachineProfile, s
 
 
 def _fits_at(job: Job, machine: MachineProfile, speed_rpm: float) -> bool:
-    """Whether segments would be short enough at another speed, by the profile: an identified band may end
-    before."""
+    """Whether segments would be short enough at another speed, by the profile's response."""
     frequency_hz = job.jaws * speed_rpm / 60.0
     response = complex(sampled_response(machine, frequency_hz))
     if abs(response) * AMPLIFICATION_LIMIT < 1.0:

@@ -151,7 +151,7 @@ class BatchGather:
     def _fetched(self, plan: GatherPlan, state: _Fetching) -> _Idle | _Fetching:
         if state.complete:
             return self._taken(plan, state)
-        # On a slow line the poll itself uses up the watchdog timeout, so the fraction for a piece goes with its square.
+        # On a slow line the poll itself uses up the watchdog timeout, so a piece shrinks with the square.
         share = min(1.0, LOOK_OF_PIECE_S / max(self._round_trip(), LOOK_OF_PIECE_S)) ** 2
         piece = max(LEAST_PIECE_LONG_WORDS, math.floor(share * PIECE_LONG_WORDS))
         count = min(piece, plan.long_words - state.words)
@@ -162,8 +162,7 @@ class BatchGather:
         return replace(state, lines=(*state.lines, *part), words=words, complete=complete)
 
     def _taken(self, plan: GatherPlan, state: _Fetching) -> _Idle:
-        """Deliver the batch once the controller confirms that nobody has changed the gathering set-up
-        meanwhile."""
+        """Deliver the batch once the controller confirms that nobody has changed the gathering meanwhile."""
         if not self._quick.set_up_as(plan):
             raise GatherError("somebody else sets up gathering")
         self._lost = 0

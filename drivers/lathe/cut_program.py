@@ -26,8 +26,7 @@ class CutProgram:
     """
 
     def __init__(self, wiring: Wiring, forget_jogs: Callable[[], None]) -> None:
-        """`forget_jogs` is called when something other than a jog is about to move the axes or change their
-        zero."""
+        """`forget_jogs` is called when anything other than a jog is about to move the axes or re-zero them."""
         self.held = False
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()

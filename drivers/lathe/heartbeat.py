@@ -65,8 +65,7 @@ class Heartbeat:
         policy: Policy | None = None,
         owner_seen: Callable[[float], None] = lambda _: None,
     ) -> None:
-        """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner that was
-        read."""
+        """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner read."""
         self._owner_seen = owner_seen
         self._client = client
         self._clock = clock
@@ -265,7 +264,7 @@ class Heartbeat:
         return keeper
 
     def _send(self, line: str, timeout_s: float) -> None:
-        """Send a renewal and query the echo with it: polls are too long for a slow line already.
+        """Send a renewal and query the echo with it: polls are already long on a slow line.
 
         A missing answer is not fatal: the next poll carries a renewal too.
 
