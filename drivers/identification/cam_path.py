@@ -128,8 +128,7 @@ class CamPath:
 
     @property
     def late_cycles(self) -> int:
-        """Delay of the carriage as a source, in servo cycles; the same as in a cut only if the spindle has it
-        too."""
+        """Delay of the carriage as a source, in servo cycles; the spindle's may differ."""
         return int(self.table is not None and source_is_late(self.table, 0))
 
     def _filled(self, amplitude_um: float) -> CompensationTable:

@@ -34,8 +34,7 @@ STEADY_SHARE = 0.02
 
 @dataclass(kw_only=True)
 class Watch:
-    """Sends commands while the program runs: GATHER once it is steady, and its end when the samples are
-    complete."""
+    """Sends commands while the program runs: GATHER once it is steady, its end when all samples are there."""
 
     rig: Rig
     plan: GatherPlan
@@ -48,7 +47,7 @@ class Watch:
         """Process a poll of the machine.
 
         Raises:
-            DriverError: `identify.no_motion`, the tool does not answer; the controller does not gather; the link broke.
+            DriverError: `identify.no_motion`, no response of the tool; the controller does not gather; the link broke.
         """
         self.standstill.see(snapshot)
         if math.isinf(self.enough_at_s):
@@ -69,7 +68,7 @@ def measure(
     """Swing the tool at one frequency, and return its response.
 
     Raises:
-        DriverError: `identify.gather`, the controller does not gather; `identify.ended_early`; `identify.not_steady`;
+        DriverError: `identify.gather`, nothing is gathered; `identify.ended_early`; `identify.not_steady`;
             what ended the motion, as for `Lathe.follow`.
         ProfileError: `identification.*`, the gathered data cannot be evaluated.
     """

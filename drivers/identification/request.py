@@ -54,8 +54,7 @@ def most_hz(machine: MachineProfile) -> float:
 
 
 def clearance_mm(machine: MachineProfile, amplitude_um: float) -> float:
-    """Return the clearance of the swinging tool at its zero from the largest known radius: the outside of the
-    jaws.
+    """Return the clearance of the swinging tool at its zero from the outside of the jaws.
 
     The jaw is assumed to have its centre of mass in its middle and its inner end on the spindle axis.
     """

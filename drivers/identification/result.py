@@ -52,7 +52,7 @@ class Origin:
 class IdentifiedResponse:
     """The response of a path, from spindle position to tool position.
 
-    `how` is `measured` or `composed`; `delay_cycles` are servo cycles that were added to the measured delay.
+    `how` is `measured` or `composed`; `delay_cycles` are servo cycles that were added to the measurement.
     `date` is in UTC, as in 2001-11-30T14:05:00Z.
     """
 
