@@ -47,7 +47,7 @@ class Watch:
         """Process a poll of the machine.
 
         Raises:
-            DriverError: `identify.no_motion`, no response of the tool; the controller does not gather; the link broke.
+            DriverError: `identify.no_motion`, no response of the tool; nothing is gathered; the link broke.
         """
         self.standstill.see(snapshot)
         if math.isinf(self.enough_at_s):

@@ -264,7 +264,7 @@ class Heartbeat:
         return keeper
 
     def _send(self, line: str, timeout_s: float) -> None:
-        """Send a renewal and query the echo with it: polls are long enough already.
+        """Send a renewal and query the echo with it: polls are long enough.
 
         A missing answer is not fatal: the next poll carries a renewal too.
 

@@ -31,8 +31,7 @@ LEAST_SPARE = 3
 """Minimum measurements beyond the parameters: with fewer the confidence is a guess."""
 
 LEAST_ALPHA, MOST_ALPHA = 0.02, 0.9
-"""Limits between a contact that does not stiffen and one that does without bound; a fit at a limit determines
-neither."""
+"""Between a contact that does not stiffen and one without bound; a fit at a limit determines neither."""
 
 _WORST_CONDITION = 100.0
 """Above this ratio of singular values (of normalised columns) the parameters cannot be separated."""

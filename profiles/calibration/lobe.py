@@ -86,8 +86,7 @@ def find_lobe(
 
 
 def with_lobe(job: Job, found: FoundLobe, *, chuck: str, tool: str) -> Job:
-    """Return the job with this lobe as its error, found in a cut with the job's own force, speed, lengths and
-    tools.
+    """Return the job with this lobe as its error, found in a cut with its own force, speed and lengths.
 
     `chuck` and `tool` are their names in the machine, "" where they have none. `found` must have no reasons.
     A condition that the job only assumes stays assumed. The source says whether the part was a simulated one.

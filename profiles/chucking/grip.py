@@ -53,6 +53,5 @@ def most_loss_speed_rpm(force_n: float, mass_radius_kg_m: float) -> float:
 
 
 def speed_of_loss_rpm(loss_n: float, mass_radius_kg_m: float) -> float:
-    """Return the speed at which rotation takes this much, n = (30/pi) sqrt(F_c/M_c); 0 where nothing may be
-    lost."""
+    """Return the speed of this loss, n = (30/pi) sqrt(F_c/M_c); 0 where nothing may be lost."""
     return 30 / math.pi * math.sqrt(max(loss_n, 0.0) / mass_radius_kg_m)

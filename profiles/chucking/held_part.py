@@ -106,8 +106,7 @@ class HeldPart:
         return {Mechanism.SPRING_BACK: sprung, Mechanism.WALL: _levelled(np.outer(along, wall))}
 
     def error_um_pp(self, z_mm: float) -> float:
-        """Return the peak-to-peak deviation of all mechanisms together at one Z; half a lobe contains all of
-        it."""
+        """Return the peak-to-peak deviation of all mechanisms together at one Z; half a lobe suffices."""
         angle_deg, z = half_lobe_deg(self.job.jaws), np.array([z_mm])
         if not self.thin:
             return float(np.ptp(self._bar_um(angle_deg, z)[0]))

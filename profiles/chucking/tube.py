@@ -42,8 +42,7 @@ class Tube:
         return self._ring(self.grip_mm)
 
     def bent(self, harmonic: int) -> Ring:
-        """Return the ring that bends as the tube does at the jaws: the grip, and the length in front that bends
-        with it."""
+        """Return the ring that bends as the tube does at the jaws: the grip and the length bent with it."""
         return self._ring(self.grip_mm + _taken_along_mm(self, harmonic))
 
     def turned_down(self, depth_mm: float) -> Tube:
