@@ -111,8 +111,7 @@ class Heartbeat:
         return f"{keeper.jog_line()} {line}"
 
     def cut(self, line: str, retracted_counts: float) -> str:
-        """Return the start of a cut in the addressed system, with its watchdog and the retract position before
-        it."""
+        """Return the start of a cut in the addressed system, with its watchdog and retract position before it."""
         keeper = self._begin()
         return f"{keeper.cut_line(retracted_counts, self._machine.heartbeat.grace_ms)} {line}"
 
@@ -264,7 +263,7 @@ class Heartbeat:
         return keeper
 
     def _send(self, line: str, timeout_s: float) -> None:
-        """Send a renewal and query the echo with it: polls are long enough.
+        """Send a renewal and query the echo with it: polls are already long for a slow line.
 
         A missing answer is not fatal: the next poll carries a renewal too.
 

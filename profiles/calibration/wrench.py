@@ -212,7 +212,8 @@ def fit_wrench(torque_n_m: ArrayLike, force_n: ArrayLike, *, affine: bool = Fals
     """Return the line through M clampings; shapes (M,), forces as totals over all jaws.
 
     Raises:
-        ProfileError: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too close together; `calibration.no_slope`, the scatter hides that force grows with torque.
+        ProfileError: `calibration.not_positive`; `calibration.few_points`; `calibration.alike`, torques too
+            close together; `calibration.no_slope`, the scatter hides that force grows with torque.
     """
     torque, force = np.asarray(torque_n_m, dtype=np.float64), np.asarray(force_n, dtype=np.float64)
     _refuse_unfit(torque, force, 2 if affine else 1)

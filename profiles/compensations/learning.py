@@ -22,8 +22,7 @@ from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.problem import Problem, ProfileError
 
 SIGNIFICANT = 2.45
-"""Standard deviations of an amplitude above which a harmonic is significant: 95 %, chi-square with two degrees
-of freedom."""
+"""Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom."""
 
 STEADY_SHARE = 0.02
 """Below this reciprocal condition number the angles cannot separate the harmonics."""

@@ -48,7 +48,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contraction:
-    """The factor of an error from part to part, with its 95 % half-width.
+    """The factor of an error from part to part, 95 % sure within `half_width`.
 
     `arrives` is T'/T: the fraction of the path's harmonic that reaches the part, its phase in angles of that
     harmonic.

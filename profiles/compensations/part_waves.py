@@ -73,8 +73,7 @@ class PartWaves:
 def part_waves(
     trace: Trace, job: Job, *, filter_upr: float, extra: Iterable[int] = (), robust: bool = False
 ) -> PartWaves:
-    """Return the harmonics of a part of this job; `filter_upr` is the filter of its RONt, `extra` are further
-    orders.
+    """Return the harmonics of a part of this job; `filter_upr` filters its RONt, `extra` are further orders.
 
     Raises:
         ProfileError: what the fit, or the roundness of such a trace, refuses.

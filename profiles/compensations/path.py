@@ -53,8 +53,7 @@ class Wave:
         return np.asarray(self.amplitude_um * wave, dtype=np.float64)
 
     def turned(self, by_deg: float) -> Wave:
-        """Return the wave so many degrees of spindle further on: at angle + by_deg it has the value it had at
-        angle."""
+        """Return the wave so many degrees of spindle further on: at angle + by_deg it has its value at angle."""
         return replace(self, crest_deg=self.crest_deg + by_deg)
 
 
@@ -80,8 +79,7 @@ class LobedPath:
         return (lobe, *self.overtones)
 
     def at_um(self, angle_deg: ArrayLike, past_middle_mm: ArrayLike = 0.0) -> NDArray[np.float64]:
-        """Return the values at spindle angles, at a distance past the middle of the cut; in the shape of
-        `angle_deg`."""
+        """Return the values at spindle angles, past the middle of the cut; in the shape of `angle_deg`."""
         waves = np.zeros(np.shape(angle_deg), dtype=np.float64)
         for wave in self.waves:
             waves += wave.at_um(angle_deg)
@@ -120,8 +118,7 @@ class CutPath:
     command: LobedPath
 
     def turned(self, by_deg: float) -> CutPath:
-        """Return both so many degrees of spindle further on: the axis response does not depend on the part's
-        angle."""
+        """Return both so many degrees of spindle further on: the axis response does not change with angle."""
         return CutPath(target=self.target.turned(by_deg), command=self.command.turned(by_deg))
 
 

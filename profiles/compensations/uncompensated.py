@@ -47,8 +47,7 @@ class Uncompensated:
 
     @property
     def off_deg(self) -> float:
-        """How far past its expected position the lobe stands, degrees of spindle, if the tool followed its
-        path."""
+        """How far past its expected position the lobe is, degrees of spindle, if the tool followed its path."""
         if not self.expected_um or not self.without_um:
             return 0.0
         return -math.degrees(cmath.phase(self.without_um / self.expected_um)) / self.lobes
