@@ -65,7 +65,7 @@ def radial_cutting_stiffness_n_per_mm2(
 ) -> float:
     """Return K_r: the additional passive force per mm of chip thickness and mm of width.
 
-    Taken as the secant kc1.1 h^-mc of Kienzle's law, times the passive share.
+    Taken as the secant kc1.1 h^-mc of Kienzle's law, times the passive fraction.
     """
     chip_mm = feed_mm_per_rev * math.sin(math.radians(lead_deg))
     return float(passive_share * material.kc1_n_per_mm2 * chip_mm**-material.chip_exponent)

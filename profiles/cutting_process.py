@@ -53,7 +53,7 @@ def cutting_process(part: HeldPart, machine: MachineProfile, error_um_pp: float)
 def process_findings(part: HeldPart, machine: MachineProfile) -> tuple[Finding, ...]:
     """Return the findings about the process, beside those of `profiles.rules`.
 
-    - `rule.jaw_lifts`      (warning) a jaw edge that lets go of a bar under the cut
+    - `rule.jaw_lifts`      (warning) a jaw edge that loses contact with a bar under the cut
     - `rule.wall_border`    (warning) a wall within 10 % of where a ring that bends becomes a bar
     - `rule.mode_near`      (warning) one, two or three times the lobe frequency within 10 % of a mode of the part
     """

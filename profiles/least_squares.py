@@ -86,9 +86,7 @@ def fit(columns: Floats, values: Floats, root_weight: Floats | None = None) -> F
     weighed, target = columns * root[:, None], values * root
     known, condition = _solved(weighed)
     coefficients = known @ (weighed.T @ target)
-    coefficients += known @ (
-        weighed.T @ (target - weighed @ coefficients)
-    )  # one refinement step for the last digits
+    coefficients += known @ (weighed.T @ (target - weighed @ coefficients))  # refinement for the last digits
     residuals = values - columns @ coefficients
     freedom = len(values) - columns.shape[1]
     squares = float(np.sum((root * residuals) ** 2))

@@ -4,7 +4,7 @@ Codes, with what is refused:
 
 - `rule.wall_over_radius`      a wall thicker than the radius (equal: a solid bar)
 - `rule.depth_over_wall`       a cut that, with the lobe on top, leaves less than `LEAST_WALL_MM` of the wall
-- `rule.depth_under_lobe`      a depth that does not hold the lobe: between its crests the tool leaves the part
+- `rule.depth_under_lobe`      a depth that does not hold the lobe: between its maxima the tool leaves the part
 - `rule.clamp_stress`          a thin part that yields under the jaws
 - `rule.length_over_overhang`  a cut that comes nearer to the jaws than their clearance
 - `rule.speed_over_machine`    a spindle speed above the machine's
@@ -166,8 +166,7 @@ def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 
 
 def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
-    """Check what the force does to the part; its stress if the material is known and the wall thin enough to
-    bend."""
+    """Check the effect of the force; the stress if the material is known and the wall thin enough to bend."""
     material, holding = material_or_none(job.material), holding_of(machine)
     scatter_um = lobe_um_per_n(job, machine) * force_sd_n(job, machine)
     scatter = _at_most(

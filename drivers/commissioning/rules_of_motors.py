@@ -25,7 +25,7 @@ LEAST_PROGRAM_SPEED = 200.0
 LEAST_FATAL_ERROR_UM = 50.0
 
 TRAVEL_SWITCHES_OFF, FAULT_INPUT_OFF, KILL_MODE = 1 << 17, 1 << 20, 0b11 << 21
-"""Bits of the flag setting; a kill mode of 00 kills every motor of the card."""
+"""Bits of the flag setting; a kill mode of 00 kills every motor of the controller."""
 
 CLOSES_AT_POWER_UP = 1
 """Bit of Ix80."""

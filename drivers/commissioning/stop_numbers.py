@@ -22,7 +22,7 @@ FASTER = 1.1
 """Factor by which an axis may exceed its set speed: ripple, and the 10 % uncertainty of two polls."""
 
 LONGEST_S = {Way.ABORT: 20.0, Way.KILL: 70.0, Way.WATCHDOG: 20.0}
-"""Longest possible waits for rest (`REST_LIMIT_S` of the proofs, plus the time until the stop is obeyed)."""
+"""Longest possible waits for rest (`REST_LIMIT_S` of the tests, plus the time until the stop is obeyed)."""
 
 LINEAR, ROTARY = ("distance_mm", "speed_mm_per_s"), ("distance_deg", "speed_rpm")
 DEG_PER_S_OF_RPM = 6.0

@@ -93,10 +93,10 @@ def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:
 
 
 def stop_key(client: Controller, machine: MachineProfile, dialect: Dialect) -> str:
-    """Read what decides how the machine stops, and return its hash.
+    """Read the settings that determine how the machine stops, and return their hash.
 
     Raises:
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     kind, version = client.query("TYPE", "VERSION", again=True)
     blocks = [

@@ -82,7 +82,7 @@ def verify(client: Controller, machine: MachineProfile, dialect: Dialect) -> Ver
 
     Raises:
         RefusedError: `controller.entering`.
-        DriverError: the link broke, or the card answers something that is not asked for.
+        DriverError: the link broke, or the controller answers something unexpected.
     """
     configuration = read_of_machine(client, machine, dialect)
     judged = Judged(configuration=configuration, machine=machine)

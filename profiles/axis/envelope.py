@@ -147,7 +147,7 @@ def _of_voltage(machine: MachineProfile, amplitude_um: float, reserved_n: float)
 
 
 def _of_loop(machine: MachineProfile, amplitude_um: float) -> dict[str, float]:
-    """The command is A / |T|, and lags behind by A |1/T - 1|; where |T| vanishes nothing can be inverted."""
+    """The command is A / |T|, and lags by A |1/T - 1|; where |T| vanishes nothing can be inverted."""
     top_hz = _nyquist_hz(machine)
     following = first_beyond(
         lambda f: amplitude_um * np.abs(1 / sampled_response(machine, f) - 1), error_limit_um(machine), top_hz

@@ -5,8 +5,8 @@ the model of `profiles.calibration.contact` (contacts and the bending of a solid
 alpha, ln l); with the Jacobian J and s^2 the variance of what is left, cov = s^2 (J' W J)^-1. Half-widths are for
 95 %, by Student's t; of k and l they are taken over from their logarithms to the first order.
 
-A gauge is off by the same everywhere, a load or a contact by a share of the deflection. W is 1 or by the square of
-the deflection, whichever is likelier; where they are about as likely, the half-widths hold what either says.
+A gauge is off by the same everywhere, a load or a contact by a fraction of the deflection. W is 1 or by the square
+of the deflection, whichever is likelier; where they are about as likely, the half-widths hold what either says.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from profiles.materials import Material
 
 THIN_WALL = 0.2
-"""Wall as a share of the outer radius below which a part is a ring that bends, and above which it is a bar."""
+"""Wall over outer radius below which a part is a ring that bends, and above which it is a bar."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

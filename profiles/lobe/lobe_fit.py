@@ -59,8 +59,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wave:
-    """amplitude cos(n (angle - crest)): one harmonic of a trace; crest in [0, 360/n) deg of the angle of the
-    trace.
+    """amplitude cos(n (angle - crest)): one harmonic; crest in [0, 360/n) deg of the angle of the trace.
 
     `cos_um` and `sin_um` are p and q. `sd_um` and `sd_deg` are standard errors of amplitude and crest, `ci_um`
     and `ci_deg` half-widths for 95 % by Student's t. `sd_deg` is at most 360 / (n sqrt 12), the sd of an

@@ -40,8 +40,7 @@ _COLOURED = 4.0
 """Gain of log-likelihood above which noise is not white: half of chi-square with three, 95 %."""
 
 _AS_LIKELY = 1.0
-"""Loss of log-likelihood up to which another steepness is about as likely; the single best would be
-overconfident."""
+"""Loss of log-likelihood for another steepness that is about as likely; the best alone would be overconfident."""
 
 _LINE = 50.0
 """Multiple of the median of its neighbours: by chance one order in a hundred thousand."""

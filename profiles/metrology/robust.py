@@ -16,7 +16,7 @@ from profiles.metrology.points import FloatArray
 from profiles.problem import Problem, ProfileError
 
 FAR_SIGMA = 4.5
-"""A wave between the fitted ones has its crests at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
+"""A harmonic between the fitted ones has its maxima at 1 sigma / 0.95; of 3600 Gaussian points 0.02 lie beyond."""
 LARGEST_SHARE = 0.1
 _SETTLED = 1e-3
 # Fraction of the peak-to-peak value below which a residual is arithmetic rounding.

@@ -76,8 +76,7 @@ class TraceHeader:
 
 
 def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]]:
-    """Return the header of these lines, with a warning for each unusable value, which then counts as not
-    stated."""
+    """Return the header of these lines, with a warning for each unusable value, then treated as not stated."""
     unusable: list[Problem] = []
 
     def number(key: str, above: float, limit: str) -> float | None:

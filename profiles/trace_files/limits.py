@@ -24,7 +24,7 @@ _WORD = re.compile(r"\S+")
 
 
 def lines_of(text: str, where: str) -> Iterator[str]:
-    """Yield the lines of a text one by one, as `split` does, without creating all of them at once.
+    """Return an iterator over the lines of a text, as `split` does, without creating all of them at once.
 
     Raises:
         ProfileError: `trace.too_large`, there are more than `MOST_LINES`.
@@ -36,7 +36,7 @@ def lines_of(text: str, where: str) -> Iterator[str]:
 
 
 def words_of(line: str) -> Iterator[str]:
-    """Yield the words of a line one by one: it may contain a million."""
+    """Return an iterator over the words of a line: it may contain a million."""
     return (found.group() for found in _WORD.finditer(line))
 
 

@@ -32,7 +32,7 @@ class Guarded:
 
     @property
     def axes(self) -> tuple[JudgedAxis, ...]:
-        """The axes that the card moves."""
+        """The axes that the controller moves."""
         return self.bench.judged.driven_axes
 
     @property

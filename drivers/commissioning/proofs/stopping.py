@@ -169,7 +169,7 @@ def _begin(bench: TestRig, axes: Guarded, origin: Origin) -> tuple[str, float]:
         jogs = "".join(f"#{axis.motor}J{'+' if axes.inwards(axis) > 0 else '-'}" for axis in axes.axes)
         return f"{keeper.jog_line()} {jogs}", max(ramps) / 1000.0 + AT_SPEED_S
     spindle = 0.0 if machine.spindle.followed else bench.position(machine.spindle.motor)
-    # The system is addressed first: behind a value, & would be the operator of the expression.
+    # Address the system first: after a value, & would be the operator of the expression.
     line = f"&{SYSTEM} {keeper.cut_line(axes.starts['tool'], machine.heartbeat.grace_ms)}"
     start = f"{SPINDLE_START}={format_number(spindle)} B{PROGRAM}R"
     return f"{line} {start}", air_cut(machine).full_speed_s + AT_SPEED_S
