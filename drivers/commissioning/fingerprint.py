@@ -1,6 +1,6 @@
 """Detect what another host wrote between connecting and a cut, by comparing the controller's settings.
 
-It reads everything that determines a motion: the settings of our motors, of the controller and of coordinate system 1,
+It reads everything that determines a motion: the settings of our motors, the controller and coordinate system 1,
 axis definitions, PLCs, programs, tables and the conversion table. What the console itself writes does not count.
 """
 

@@ -28,10 +28,7 @@ TOLD_SHARE, TOLD_COUNTS = 0.25, 12.0
 
 CONFIRMING_PERIODS = (0.25, 0.125)
 """Two polls half a period apart may see a swing, or a command, at the same position: these follow a fraction of
-a period later. And they follow at once: a tool that is driven away keeps moving.
-
-And they come at once: a tool that is pushed away goes on.
-"""
+a period later. And they follow at once: a tool that is driven away keeps moving."""
 
 LONGEST_WAIT_S = 0.02
 """Well within the watchdog timeout."""

@@ -61,7 +61,7 @@ class Wave:
 class LobedPath:
     """mean + amplitude cos(lobes (angle - crest)) + overtones, by the angle of the spindle.
 
-    Order `lobes` with a maximum at `crest_deg` are the lobe itself; `overtones` have other orders. All
+    Order `lobes`, with a maximum at `crest_deg`, is the lobe itself; `overtones` have other orders. All
     grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws.
     """
 
@@ -206,7 +206,7 @@ def delayed(response: complex, frequency_hz: float, delay_s: float) -> complex:
 def chord_scale(points: float) -> float:
     """Return the factor that raises the points of a sine so that straight lines between them keep its amplitude.
 
-    With so many equally spaced `points` in a period the lines have a fundamental of (sin x / x)^2, x = pi / points.
+    With so many equidistant `points` in a period the lines have a fundamental of (sin x / x)^2, x = pi / points.
     """
     x = math.pi / points
     return (x / math.sin(x)) ** 2
