@@ -27,7 +27,7 @@ from drivers.pmac.trajectory.planned import MoveRecord
 Whole = NDArray[np.int_]
 
 COLUMNS_A_PIECE = 3.0
-"""Fraction of the table, at most, that a source travels along a row in one cubic."""
+"""Table columns, at most, that a source travels along a row in one cubic."""
 
 SLOPE_MS = 0.25
 """Half of the interval over which the slope at the ends of a cubic is taken."""

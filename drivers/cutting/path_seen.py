@@ -30,7 +30,7 @@ MOST_OF_LOBE = 0.5
 """Fraction of the lobe by which a following tool may deviate throughout: half as large, or 29 degrees late."""
 
 TIMES_USUAL = 12.0
-"""A moment must also exceed the median deviation by this factor where tool and spindle are read separately."""
+"""Multiple of the median deviation that stands out even where tool and spindle are read separately."""
 
 LATE = 1.5
 """A poll that took this many times the usual was interrupted: its values are not of one instant."""

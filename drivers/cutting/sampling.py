@@ -48,7 +48,7 @@ MARGIN_S = 0.05
 """How much longer than its samples a batch is waited for."""
 
 LEAST_SAMPLES_A_WAVE = 12
-"""Samples per lobe in a batch; the overtones get correspondingly fewer."""
+"""Minimum samples per lobe in a batch; the overtones get correspondingly fewer."""
 
 
 @dataclass(frozen=True, kw_only=True)

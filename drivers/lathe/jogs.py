@@ -19,7 +19,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 READ_S = 0.01
-"""Interval between the two polls of one check: position and following error are not sampled simultaneously."""
+"""Time skew within one poll: position and following error of an axis are not sampled simultaneously."""
 
 SHIFTED_COUNTS = 5.0
 """Tolerance at rest: a resting axis has one commanded position, reported to a tenth of a count."""

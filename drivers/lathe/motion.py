@@ -22,10 +22,10 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 CUT_POLL_S = 0.023
-"""Polling interval during a cut: not a fraction of any usual turn, so that every angle is sampled."""
+"""Polling interval during a cut: not an integer fraction of any usual turn, so that every angle is sampled."""
 
 WAY_HOME_S = 10.0
-"""What a program may do after its early end, with the tool retracted: a table is left in its row of zeros."""
+"""How long a program ended early may run after its retract: a table is left in its row of zeros."""
 
 JOG_POLL_S = 0.05
 """Polling interval for an axis in motion."""

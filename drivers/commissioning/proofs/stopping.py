@@ -68,7 +68,7 @@ LEAST_SPEED = 0.75
 """Fraction of its speed at which a motion counts as being at speed, from two polls over a slow line."""
 
 LOOKS_FOR_SPEED = 5
-"""Extra polls for a host or a controller that is delayed."""
+"""Polls to reach speed: a delayed host or controller gets a little longer."""
 
 RUNNING_OUT_S, SELDOM_S = 1.0, 0.02
 """What still moves after this time is polled less often."""
