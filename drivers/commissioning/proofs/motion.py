@@ -1,4 +1,4 @@
-"""What has to be seen in motion, in air: the delay of a table's source, and PVT times."""
+"""Tests that need motion, in air: the delay of a table's source, and PVT times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from drivers.pmac.status import decode
 PROGRAM = 999
 COUNTER = "P1010"
 PVT_MS, PAIRS = 10.4, 200
-"""Segments of a time that is no whole number of ms, there and back so often."""
+"""Segments with a time that is no whole number of ms, and how often there and back."""
 
 STEP_COUNTS = 10.0
 JOG_S = 1.5
@@ -26,15 +26,15 @@ SAMPLES = 200
 LONGEST_DELAY = 3
 REST_TIMEOUT_S = 10.0
 CAM_COUNTS = 200
-"""Height of the cam over half a turn, of a motor that is killed."""
+"""Height of the cam over half a turn, on a killed motor."""
 
 ENTRY = 16
 
 
 def source_delay(bench: ProofRig) -> Check:
-    """Measure how many servo cycles old the source of a table is, for a target on each side of it.
+    """Measure the delay of a table's source in servo cycles, for a target on each side of it.
 
-    The spindle alone is closed, and jogs so far that it comes to rest by itself; tool and carriage stay killed.
+    Only the spindle is closed; its jog ends by itself; tool and carriage stay killed.
     """
     spindle = bench.motor("spindle")
     targets = {name: bench.motor(name) for name in ("tool", "carriage")}
@@ -45,15 +45,15 @@ def source_delay(bench: ProofRig) -> Check:
 
 
 def pvt_rounding(bench: ProofRig) -> Check:
-    """Measure how long PVT segments of a broken number of ms take; the carriage moves to and fro by ten counts."""
+    """Measure PVT segments of fractional ms; the carriage oscillates by ten counts."""
     if ask_or_none(bench.client, f"LIST PROG{PROGRAM}"):
-        return unproven(["pvt_rounding"])[0]  # somebody's program is there
+        return unproven(["pvt_rounding"])[0]  # somebody else's program is there
     value = bench.client.numbers(COUNTER, again=True)[0]
     try:
         _load(bench)
         found_ms = _run(bench) / (2 * PAIRS)
     finally:
-        # After a stop the program may not have ended yet, and the card refuses.
+        # After a stop the program may not have ended yet, and the controller refuses.
         bench.give_back(f"{COUNTER}={format_constant(value)}", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE")
     wanted_ms, other_ms = _segment_ms(bench)
     holds = abs(found_ms - wanted_ms) < abs(found_ms - other_ms)
@@ -61,7 +61,7 @@ def pvt_rounding(bench: ProofRig) -> Check:
 
 
 def _delay(bench: ProofRig, spindle: int, target: int) -> int | None:
-    """Return the delay that explains what was gathered best, None where none does."""
+    """Return the delay that fits the gathered data best, None where none does."""
     table = _cam(bench, spindle, target)
     bench.define(table)
     bench.tell("I51=1")
@@ -114,7 +114,7 @@ class _Axis:
 
 
 def _load(bench: ProofRig) -> None:
-    """Enter the program that goes to and fro; the motors are closed already."""
+    """Enter the oscillating program; the motors are closed already."""
     carriage = bench.motor("carriage")
     definitions = read_definitions(bench.judged.machine.controller.axis_definitions)
     axis = next(_Axis(each.axis, each.scale) for each in definitions if each.motor == carriage)
@@ -155,7 +155,7 @@ def _arrived(bench: ProofRig) -> bool:
 
 
 def _segment_ms(bench: ProofRig) -> tuple[float, float]:
-    """Return how long a segment is to take, and how long it would by the other rule."""
+    """Return how long a segment should take, and how long by the other rule."""
     switch = bench.dialect.segment_time_switch
     exact = switch is not None and not bench.judged.value(switch)
     whole = float(round(PVT_MS))
@@ -163,7 +163,7 @@ def _segment_ms(bench: ProofRig) -> tuple[float, float]:
 
 
 def _rest(bench: ProofRig, motor: int) -> float:
-    """Wait until a motor is commanded to stand still; return where it is."""
+    """Wait until a motor is commanded to rest; return its position."""
     end = bench.clock.now_s() + REST_TIMEOUT_S
     while bench.clock.now_s() < end:
         flags = bench.flags(motor)
